@@ -17,14 +17,11 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from airrace.dynamics import handling
 from airrace.native.library import MISSING, library_path
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import plan, plan_race, plan_with_room
-from airrace.planning.route_decisions import MIRRORED_TIES
+from airrace.planning.plan import plan_race
 from airrace.procedure.certification import conclude
 from airrace.procedure.choice import (
     SAME_FLIGHT,
@@ -35,7 +32,6 @@ from airrace.procedure.choice import (
     with_note_on_faster,
 )
 from airrace.procedure.fidelity import fidelity_of, iterate_of, stage_model
-from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import HomotopyOutcome, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
 from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
@@ -46,22 +42,17 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     find_local_infeasibility,
 )
 from airrace.procedure.mesh_check import confirm_mesh
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.multistart import search_routes
-from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
+from airrace.procedure.multistart.plans import plans_to_search, plans_with_room, replanned_with_room
+from airrace.procedure.multistart.search import BUDGETS, SearchBudget
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.recomputation import recertify, recompute
 from airrace.procedure.restart import SourceRun, start_from
 from airrace.procedure.result import Note, NoteKind, Progress, PylonCondition, SearchReport, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
-from airrace.procedure.solve_and_refine import (
-    Failure,
-    Refinement,
-    solve_certified,
-    solve_roughly,
-    solve_single_mesh,
-    solve_with_refinement,
-)
+from airrace.procedure.single_mesh import solve_roughly, solve_single_mesh
+from airrace.procedure.solve_and_refine import Failure, Refinement, solve_certified, solve_with_refinement
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_models import StageModels, start_along, start_trimmed
@@ -265,20 +256,18 @@ class FirstFlight:
 def solve_first_flight(models: StageModels, session: SolverSession, *, searches: bool) -> FirstFlight:
     """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it.
 
-    Args:
-        models: of the race.
-        session: solves.
-        searches: whether the point mass follows, which searches for routes.
+    With `searches` the point mass follows, which searches for routes.
     """
     relaxed, budget = _relaxed_routes(models, session), BUDGETS.get(session.settings.search)
     if budget is None or not searches:
         return FirstFlight(_solve_homotopy(models, relaxed, session), relaxed)
     jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]]
     jobs = [functools.partial(_solve_homotopy, models, relaxed)]
-    jobs += [functools.partial(_solve_plan, planned) for planned in _search_plans(models, session, budget)]
+    starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)
+    jobs += [functools.partial(_solve_plan, start) for start in starts]
     homotopy, *plans = session.side_by_side(jobs)
     assert isinstance(homotopy, HomotopyOutcome)
-    return FirstFlight(homotopy, relaxed, [one for one in plans if not isinstance(one, HomotopyOutcome)])
+    return FirstFlight(homotopy, relaxed, [plan for plan in plans if not isinstance(plan, HomotopyOutcome)])
 
 
 def _solve_homotopy(models: StageModels, relaxed: RelaxedRoutes, session: SolverSession) -> HomotopyOutcome:
@@ -336,7 +325,7 @@ def _search_and_solve(
             return first_flight.homotopy
         return _solve_homotopy(models, relaxed, session)
 
-    replanned = _replanned_with_room(models)
+    replanned = replanned_with_room(models.problem(Stage.POINT_MASS))
     starts = _first_starts(models, session, first_flight, homotopy, replanned, relaxed)
     locally_infeasible = first_flight is not None and first_flight.homotopy.infeasibility is not None
     plans_fail = first_flight is None or not any(first_flight.plans or ())
@@ -393,45 +382,8 @@ def _search_starts(
             starts.append(InitialGuess(flight, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
     plans = None if first_flight is None else first_flight.plans
     if plans is None:
-        return [*starts, *_search_plans(models, session, budget)]
-    return starts if any(plans) else [*starts, *_plans_with_room(models, budget)]
-
-
-def _search_plans(models: StageModels, session: SolverSession, budget: SearchBudget) -> list[InitialGuess]:
-    """Return the plan that a run without a search starts from, with ties decided either way, and the budget's."""
-    flight, course, starts = models.problem(Stage.POINT_MASS), models.race.course, list[InitialGuess]()
-    for route in (flight.plan, plan(course, flight.plan.cruise, MIRRORED_TIES)):
-        mesh = first_mesh(route, session.settings.mesh)
-        start = InitialGuess(
-            replace(flight, plan=route), mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True
-        )
-        if not starts or not np.array_equal(starts[-1].guess.state, start.guess.state):
-            starts.append(start)
-    return [*starts, *planned_starts(flight, course, budget)]
-
-
-def _plans_with_room(models: StageModels, budget: SearchBudget) -> list[InitialGuess]:
-    """Return plans with room of the race's own radius and those of the budget."""
-    flight, course, starts = models.problem(Stage.POINT_MASS), models.race.course, list[InitialGuess]()
-    own = flight.plan.cruise
-    for pace in (own, *(radius.scale(own) for radius in budget.radii)):
-        replanned = plan_with_room(course, plan(course, pace))
-        if replanned is not None:
-            start = planned_guess(flight, replanned, InitialBarrier.COLD)
-            starts.append(replace(start, is_baseline=pace is own))  # a run without a search starts from it, too
-    return starts
-
-
-def _replanned_with_room(models: StageModels) -> StageProblem | None:
-    """Return the point mass along a plan with room; None where its own plan has it.
-
-    A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
-    Where it would rise too steeply, a solve from a longer way finds how to; likewise where it would pass gates too
-    aslant for its wing.
-    """
-    flight = models.problem(Stage.POINT_MASS)
-    replanned = plan_with_room(models.race.course, flight.plan)
-    return None if replanned is None else replace(flight, plan=replanned)
+        return [*starts, *plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)]
+    return starts if any(plans) else [*starts, *plans_with_room(models.problem(Stage.POINT_MASS), budget)]
 
 
 def _first_starts(

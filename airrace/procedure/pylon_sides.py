@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 from airrace.procedure.choice import SAME_FLIGHT, fastest_of, mesh_resolution
 from airrace.procedure.result import PylonCondition, PylonSide, StageResult
-from airrace.procedure.solve_and_refine import Failure, solve_certified, solve_single_mesh
+from airrace.procedure.single_mesh import solve_single_mesh
+from airrace.procedure.solve_and_refine import Failure, solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_models import StageModels
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh

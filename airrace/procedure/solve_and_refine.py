@@ -3,17 +3,15 @@
 It can be started from several flights, and solved with several solvers. The first that leads to an optimum which holds
 counts: the primary solver from all starts, then the fallback from those from which it found none.
 
-There is one loop, `refine`: solve on a mesh, measure, and decide on the next mesh until none follows. One of three
-functions decides: until a certificate holds, which takes a second mesh; until a single mesh is good, with all that a
-certificate measures but the second mesh; or until the next stage can start from a rough optimum.
+There is one loop, `refine`: solve on a mesh, measure, and decide on the next mesh until none follows. Here that is
+until a certificate holds, which takes a second mesh; in `single_mesh.py` until a single mesh is good, or until the next
+stage can start from a rough optimum.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-
-import numpy as np
 
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.layout import Layout
@@ -35,21 +33,18 @@ from airrace.procedure.certification import (
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
     ADAPTATIONS_MAX,
-    BISECT_ALL_ABOVE,
     CLEARANCE_ROUNDS_MAX,
     CLEARANCE_SAFETY,
     EXCESS_LEFT_MAX,
     FAR_VIOLATION,
     GROWTH_FROM,
     GROWTH_MAX,
-    ROUGH_TOLERANCE,
     MeshProposal,
     MeshSolution,
     adapt,
     bisect_all,
     refine_changed,
     refine_flagged,
-    refine_predicted,
     rough_limits,
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
@@ -408,7 +403,7 @@ def next_until_certified(solved: SolvedMesh) -> RefinementState | None:
     if state.then is not None:
         return replace(state.then, before=optimum, coarser=optimum)
     if coarser is None:
-        proposal = _adapt(solved)
+        proposal = adapt_joining(solved)
         same_mesh = proposal is None and solved.violates_clearance(CLEARANCE_SAFETY)
         if proposal is not None or same_mesh:
             proposal = proposal or replace(state.proposal, guess=optimum.iterate)
@@ -479,98 +474,10 @@ def _again_on_both_meshes(solved: SolvedMesh) -> RefinementState:
     )
 
 
-def _adapt(solved: SolvedMesh) -> MeshProposal | None:
+def adapt_joining(solved: SolvedMesh) -> MeshProposal | None:
     """Return a better first mesh, or None; where intervals may not be joined only for an optimum made of errors."""
     early = solved.state.number < ADAPTATIONS_MAX and math.isinf(solved.flight.longest_interval)
     return adapt(solved.optimum, solved.session.settings.certificate, early=early, joining=early)
-
-
-def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
-    """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it.
-
-    Its first meshes only show where the good one has its nodes, so they
-    are solved roughly, unless the start is an optimum on a good mesh; on that the optimum is solved as closely as any
-    that is certified.
-    """
-    loose_tolerance = 0.0 if start.barrier.near_optimum else _loose_tolerance(session, 0)
-    return refine(session, start, _uncompared_state(start, solver, loose_tolerance), next_until_good)
-
-
-def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
-    """Solve jointly on one mesh, as closely as the next stage needs that starts from it.
-
-    Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
-    as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
-    """
-    return refine(session, start, _uncompared_state(start, solver, ROUGH_TOLERANCE), next_until_usable)
-
-
-def _uncompared_state(start: Start, solver: str, loose_tolerance: float) -> RefinementState:
-    return RefinementState(
-        start.flight,
-        MeshProposal.first(start.problem, start.guess),
-        start.barrier,
-        (solver,),
-        start.multipliers,
-        compares=False,
-        loose_tolerance=loose_tolerance,
-    )
-
-
-def next_until_usable(solved: SolvedMesh) -> RefinementState | None:
-    """Return the next mesh; None if the next stage can start from the present optimum."""
-    if solved.state.loose_tolerance and solved.certificate.holds:
-        return None
-    return next_until_good(solved)
-
-
-def _loose_tolerance(session: SolverSession, number: int) -> float:
-    return ROUGH_TOLERANCE if number < session.settings.mesh.refinements_max else 0.0
-
-
-def next_until_good(solved: SolvedMesh) -> RefinementState | None:
-    """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
-    optimum, state, session = solved.optimum, solved.state, solved.session
-    better = _adapt(solved) if state.loose_tolerance else None
-    good = better or _good_mesh(solved)
-    same_mesh = not good and solved.violates_clearance()
-    if not (state.loose_tolerance or good or same_mesh):
-        return None
-    # Where the mesh was good already, it is solved on closely.
-    proposal = good or replace(state.proposal, guess=optimum.iterate)
-    flight, proposal = solved.place_clearance_constraints(proposal)
-    return replace(
-        state,
-        flight=flight,
-        proposal=proposal,
-        barrier=InitialBarrier.COARSER_MESH if better and not solved.violates_clearance() else solved.barrier,
-        solvers=session.solvers,
-        multipliers=solved.carry(proposal, flight),
-        number=state.number + (not same_mesh),
-        clearance_rounds=state.clearance_rounds + same_mesh,
-        nodes_beside_passings=solved.nodes_beside_passings,
-        violating=solved if same_mesh else None,
-        before=optimum,
-        loose_tolerance=_loose_tolerance(session, state.number + 1) if better else 0.0,
-    )
-
-
-def _good_mesh(solved: SolvedMesh) -> MeshProposal | None:
-    """Return the good mesh, as far as can be predicted from an optimum on another one; None if that is good itself.
-
-    Where the model bounds its intervals, what misses a limit is the integrator's error in some of them, which can be
-    predicted.
-    """
-    optimum, limits = solved.optimum, solved.session.settings.certificate
-    if not optimum.proposal.coarser.all():
-        return refine_flagged(optimum, limits)
-    if not math.isinf(solved.flight.longest_interval):
-        return refine_predicted(optimum, limits)
-    proposal = refine_flagged(optimum, limits)
-    if proposal is None:
-        return None
-    cut = np.diff(np.flatnonzero(proposal.coarser)) > 1
-    return bisect_all(optimum, limits) if cut.mean() > BISECT_ALL_ABOVE else proposal
 
 
 def _finish(start: Start, solved: SolvedMesh) -> StageResult:

@@ -19,11 +19,8 @@ from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.mesh_check import check_mesh_convergence
 from airrace.procedure.result import Silent, StageProvenance, StageResult
 from airrace.procedure.settings import Settings
-from airrace.procedure.solve_and_refine import (
-    carry_multipliers,
-    solve_single_mesh,
-    solve_with_refinement,
-)
+from airrace.procedure.single_mesh import solve_single_mesh
+from airrace.procedure.solve_and_refine import carry_multipliers, solve_with_refinement
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage_problem import (
     OtherStructureError,

@@ -33,7 +33,7 @@ from airrace.procedure.guess import align_quaternions, first_mesh, guess
 from airrace.procedure.result import Silent
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
-from airrace.procedure.solve_and_refine import solve_with_refinement
+from airrace.procedure.solve_and_refine import (solve_with_refinement)
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, formulate
 from airrace.procedure.warm_start import InitialBarrier, Start

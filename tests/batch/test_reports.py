@@ -29,7 +29,7 @@ from airrace.batch.reports import (
     wind_words,
 )
 from airrace.cli.answer import render, terminal_columns
-from airrace.cli.batch_output import LIMITS, fold_name, ranking_tables, wind_tables
+from airrace.cli.batch_output import NAME_MAX, fold_name, ranking_tables, wind_tables
 from airrace.errors import Finding
 from airrace.procedure.stage import STAGES
 
@@ -388,7 +388,7 @@ def test_a_name_on_several_lines_is_the_name() -> None:
     for row in (*PLAIN, *WIDEST):
         lines = fold_name(row.step.name).split("\n")
         assert "".join(line.strip() for line in lines) == row.step.name
-        assert max(map(len, lines)) <= LIMITS.name_max
+        assert max(map(len, lines)) <= NAME_MAX
     assert fold_name("rovinj_2014") == "rovinj_2014"
 
 

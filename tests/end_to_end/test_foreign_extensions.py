@@ -71,7 +71,7 @@ def test_own_fidelity_is_unknown_where_its_file_is_not_named_or_does_not_exist(
     assert "there is no stage 'first-order-roll'" in refused.err
     unread = airrace("show", run, cwd=tmp_path)
     assert unread.code != 0
-    assert "unknown stage 'first-order-roll'" in unread.err
+    assert "'first-order-roll' is unknown" in unread.err
     named = {"AIRRACE_EXTENSIONS": str(tmp_path / "nowhere.py")}
     refused = airrace("optimize", HALF_CUBAN, cwd=tmp_path, environment=named)
     assert refused.code == 2

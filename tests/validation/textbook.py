@@ -13,7 +13,6 @@ import goddard_rocket
 import hang_glider
 import hanging_chain
 import heated_shuttle
-import insurance
 import level_turn
 import lofted_rocket
 import moon_lander
@@ -52,7 +51,6 @@ PROBLEMS = (
     fuller,
     moon_lander,
     quadrotor,
-    insurance,
 )
 
 

@@ -21,8 +21,8 @@ from airrace.procedure.procedure import CARRIED_LAG, check_mesh, optimize, solve
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.settings import Settings
+from airrace.procedure.single_mesh import solve_single_mesh as real_single_mesh
 from airrace.procedure.solve_and_refine import Failure, solve_certified
-from airrace.procedure.solve_and_refine import solve_single_mesh as real_single_mesh
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_models import StageModels

@@ -1,0 +1,50 @@
+"""Plans that flights on other routes start from: ties decided either way, several radii of turns, more room."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from airrace.planning.plan import plan, plan_with_room
+from airrace.planning.route_decisions import MIRRORED_TIES
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.multistart.coarse_solution import InitialGuess, planned_guess
+from airrace.procedure.multistart.search import SearchBudget, planned_starts
+from airrace.procedure.settings import MeshSettings
+from airrace.procedure.stage_problem import StageProblem
+from airrace.procedure.warm_start import InitialBarrier
+
+
+def plans_to_search(flight: StageProblem, settings: MeshSettings, budget: SearchBudget) -> list[InitialGuess]:
+    """Return the plan that a run without a search starts from, with ties decided either way, and the budget's."""
+    course, starts = flight.course, list[InitialGuess]()
+    for route in (flight.plan, plan(course, flight.plan.cruise, MIRRORED_TIES)):
+        mesh = first_mesh(route, settings)
+        start = InitialGuess(
+            replace(flight, plan=route), mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True
+        )
+        if not starts or not np.array_equal(starts[-1].guess.state, start.guess.state):
+            starts.append(start)
+    return [*starts, *planned_starts(flight, course, budget)]
+
+
+def plans_with_room(flight: StageProblem, budget: SearchBudget) -> list[InitialGuess]:
+    """Return plans with room of the race's own radius and those of the budget."""
+    course, starts = flight.course, list[InitialGuess]()
+    own = flight.plan.cruise
+    for pace in (own, *(radius.scale(own) for radius in budget.radii)):
+        replanned = plan_with_room(course, plan(course, pace))
+        if replanned is not None:
+            start = planned_guess(flight, replanned, InitialBarrier.COLD)
+            starts.append(replace(start, is_baseline=pace is own))  # a run without a search starts from it, too
+    return starts
+
+
+def replanned_with_room(flight: StageProblem) -> StageProblem | None:
+    """Return the point mass along a plan with room; None where its own plan has it.
+
+    A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
+    Where it would rise too steeply, a solve from a longer way finds how to; likewise where it would pass gates too
+    aslant for its wing.
+    """
+    replanned = plan_with_room(flight.course, flight.plan)
+    return None if replanned is None else replace(flight, plan=replanned)

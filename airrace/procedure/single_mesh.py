@@ -1,0 +1,110 @@
+"""The joint optimum of a stage on a single mesh: with all that a certificate measures but the second mesh, or rough.
+
+The loop is that of `solve_and_refine.py`; what decides on the next mesh stands here.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from airrace.procedure.refinement import (
+    BISECT_ALL_ABOVE,
+    ROUGH_TOLERANCE,
+    MeshProposal,
+    bisect_all,
+    refine_flagged,
+    refine_predicted,
+)
+from airrace.procedure.result import StageResult
+from airrace.procedure.solve_and_refine import Failure, RefinementState, SolvedMesh, adapt_joining, refine
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.warm_start import InitialBarrier, Start
+
+
+def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it.
+
+    Its first meshes only show where the good one has its nodes, so they
+    are solved roughly, unless the start is an optimum on a good mesh; on that the optimum is solved as closely as any
+    that is certified.
+    """
+    loose_tolerance = 0.0 if start.barrier.near_optimum else _loose_tolerance(session, 0)
+    return refine(session, start, _uncompared_state(start, solver, loose_tolerance), next_until_good)
+
+
+def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly on one mesh, as closely as the next stage needs that starts from it.
+
+    Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
+    as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
+    """
+    return refine(session, start, _uncompared_state(start, solver, ROUGH_TOLERANCE), next_until_usable)
+
+
+def _uncompared_state(start: Start, solver: str, loose_tolerance: float) -> RefinementState:
+    return RefinementState(
+        start.flight,
+        MeshProposal.first(start.problem, start.guess),
+        start.barrier,
+        (solver,),
+        start.multipliers,
+        compares=False,
+        loose_tolerance=loose_tolerance,
+    )
+
+
+def next_until_usable(solved: SolvedMesh) -> RefinementState | None:
+    """Return the next mesh; None if the next stage can start from the present optimum."""
+    if solved.state.loose_tolerance and solved.certificate.holds:
+        return None
+    return next_until_good(solved)
+
+
+def _loose_tolerance(session: SolverSession, number: int) -> float:
+    return ROUGH_TOLERANCE if number < session.settings.mesh.refinements_max else 0.0
+
+
+def next_until_good(solved: SolvedMesh) -> RefinementState | None:
+    """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
+    optimum, state, session = solved.optimum, solved.state, solved.session
+    better = adapt_joining(solved) if state.loose_tolerance else None
+    good = better or _good_mesh(solved)
+    same_mesh = not good and solved.violates_clearance()
+    if not (state.loose_tolerance or good or same_mesh):
+        return None
+    # Where the mesh was good already, it is solved on closely.
+    proposal = good or replace(state.proposal, guess=optimum.iterate)
+    flight, proposal = solved.place_clearance_constraints(proposal)
+    return replace(
+        state,
+        flight=flight,
+        proposal=proposal,
+        barrier=InitialBarrier.COARSER_MESH if better and not solved.violates_clearance() else solved.barrier,
+        solvers=session.solvers,
+        multipliers=solved.carry(proposal, flight),
+        number=state.number + (not same_mesh),
+        clearance_rounds=state.clearance_rounds + same_mesh,
+        nodes_beside_passings=solved.nodes_beside_passings,
+        violating=solved if same_mesh else None,
+        before=optimum,
+        loose_tolerance=_loose_tolerance(session, state.number + 1) if better else 0.0,
+    )
+
+
+def _good_mesh(solved: SolvedMesh) -> MeshProposal | None:
+    """Return the good mesh, as far as can be predicted from an optimum on another one; None if that is good itself.
+
+    Where the model bounds its intervals, what misses a limit is the integrator's error in some of them, which can be
+    predicted.
+    """
+    optimum, limits = solved.optimum, solved.session.settings.certificate
+    if not optimum.proposal.coarser.all():
+        return refine_flagged(optimum, limits)
+    if not math.isinf(solved.flight.longest_interval):
+        return refine_predicted(optimum, limits)
+    proposal = refine_flagged(optimum, limits)
+    if proposal is None:
+        return None
+    cut = np.diff(np.flatnonzero(proposal.coarser)) > 1
+    return bisect_all(optimum, limits) if cut.mean() > BISECT_ALL_ABOVE else proposal
