@@ -35,7 +35,7 @@ from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run, plan_new
 from airrace.runs.run import RunState
 from airrace.runs.session import Session
 from airrace.runs.stage_view import StageView
-from airrace.sensitivity.lagrangian import sensitivities_to
+from airrace.sensitivity.lagrangian import sensitivities
 
 logger = logging.getLogger(__name__)
 
@@ -314,7 +314,7 @@ def _slopes_of(view: StageView, layout: EditableCourse) -> dict[str, object]:
                 targets[dotted((*spot.path, key))] = (spot.path, axis, factor)
     slopes = dict[str, dict[str, object]]()
     parameters = [numbers[key] for key in targets if key in numbers]
-    for sensitivity in sensitivities_to(parameters, race, view.inputs.settings, view.result):
+    for sensitivity in sensitivities(parameters, race, view.inputs.settings, view.result):
         path, axis, factor = targets[sensitivity.key]
         sides = (sensitivity.upward, sensitivity.downward)
         slopes.setdefault(dotted(path), {})[axis] = [side * factor if math.isfinite(side) else 0.0 for side in sides]

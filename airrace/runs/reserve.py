@@ -23,7 +23,7 @@ from airrace.runs.safety_case import SafetyCase, scatter_of
 from airrace.safety.monte_carlo import LOAD, Count, closed_loop_of
 from airrace.safety.pilot import PilotModel
 from airrace.safety.reserve import STALL, Allocation, Limit, allocate, lift_margin, limits_of
-from airrace.sensitivity.lagrangian import sensitivities_to
+from airrace.sensitivity.lagrangian import sensitivities
 from airrace.views.tables import Column, Table
 
 FlyAgain = Callable[[RunState, Sequence[str]], RunState]
@@ -473,7 +473,7 @@ def _prices(run: RunState) -> dict[str, float]:
     inputs = run.inputs
     limits = {one.key: one for one in course_limits(inputs.race) if math.isfinite(one.value)}
     found: dict[str, float] = {}
-    for one in sensitivities_to(limits.values(), inputs.race, inputs.settings, run.stages[-1].result):
+    for one in sensitivities(limits.values(), inputs.race, inputs.settings, run.stages[-1].result):
         price = one.upward if limits[one.key].relaxing_step < 0.0 else -one.downward
         found[one.key] = max(price, 0.0) if math.isfinite(price) else 0.0
     return found

@@ -224,7 +224,7 @@ class Sensitivities(Mapping[str, Sensitivity]):
 
 
 def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Sensitivities:
-    """Return the sensitivities of a stage.
+    """Return the sensitivity of a stage to every number that `--set` reaches, the most by a usual step first.
 
     Args:
         inputs: what the run was given.
@@ -235,10 +235,14 @@ def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = No
         UsageError: there is no such group, or course or aircraft were built in Python.
         NotCertified: the stage is no optimum, certified or solved.
     """
+    from airrace.inputs.variation import Variation
     from airrace.sensitivity.lagrangian import sensitivities  # takes compiled functions, which no reader of runs needs
 
     known = {group.value: group for group in ParameterGroup}
     if by is not None and by not in known:
         raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
-    groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
-    return Sensitivities(sensitivities(inputs, result, groups=groups))
+    parameters = Variation(inputs).parameters.values()
+    if by is not None:
+        parameters = [parameter for parameter in parameters if parameter.group is known[by]]
+    prices = sensitivities(parameters, inputs.race, inputs.settings, result)
+    return Sensitivities({price.key: price for price in sorted(prices, key=lambda price: (-price.weight, price.key))})

@@ -16,14 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.errors import CheckpointError, InputError, NotCertified
-from airrace.inputs.inputs import Inputs
-from airrace.inputs.variation import Variation
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout, narrow_range
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.parameters import Parameter, ParameterGroup
+from airrace.parameters import Parameter
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import Settings
@@ -272,36 +270,25 @@ def _central_difference(functions: Evaluation, w: Array, p: Array, step: Array) 
 
 
 def sensitivities(
-    inputs: Inputs, result: StageResult, *, groups: frozenset[ParameterGroup] = frozenset(ParameterGroup)
-) -> dict[str, Sensitivity]:
-    """Return the sensitivity to every number that `--set` reaches, from the stored multipliers.
+    parameters: Iterable[Parameter[Race]], race: Race, settings: Settings, result: StageResult
+) -> Iterator[Sensitivity]:
+    """Yield the sensitivity to every one of some numbers of a race, from the stored multipliers.
 
     Nothing is solved again. It is the derivative of the stage's objective (race time and regularisation, whose weights
-    are fixed) on the stored mesh, along the stored route. Sensitivities are sorted by what a usual step costs, the
-    largest first. A number that cannot be changed alone without changing the problem's structure is left out.
+    are fixed) on the stored mesh, along the stored route. A number that cannot be changed alone without changing the
+    problem's structure is left out.
 
     Args:
-        inputs: what the run was given.
-        result: a stage of it that holds. A sensitivity is one of the stored mesh, whose conditions of optimality were
-            measured, so that it does not matter whether the race time was compared with that on a second mesh.
-        groups: whose numbers are varied.
-
-    Returns:
-        Sensitivities by key.
+        parameters: the numbers.
+        race: the race of the stage.
+        settings: with which it was solved.
+        result: the stage. A sensitivity is one of the stored mesh, whose conditions of optimality were measured, so that
+            it does not matter whether the race time was compared with that on a second mesh.
 
     Raises:
         NotCertified: the stage is no optimum, certified or solved, or was solved roughly.
-        CheckpointError: the stored multipliers do not belong to a flight of these inputs.
+        CheckpointError: the stored multipliers do not belong to a flight of this race.
     """
-    parameters = (parameter for parameter in Variation(inputs).parameters.values() if parameter.group in groups)
-    found = sensitivities_to(parameters, inputs.race, inputs.settings, result)
-    return {one.key: one for one in sorted(found, key=lambda one: (-one.weight, one.key))}
-
-
-def sensitivities_to(
-    parameters: Iterable[Parameter[Race]], race: Race, settings: Settings, result: StageResult
-) -> Iterator[Sensitivity]:
-    """Yield the sensitivities to some parameters of a race, see `sensitivities`."""
     if not result.holds:
         stage, wanted = result.stage.value, "only a certified or solved stage has sensitivities"
         if result.certificate is None:

@@ -14,7 +14,7 @@ from airrace.procedure.result import NoteKind, Silent, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.procedure.stage import Stage
 from airrace.runs.verification import discrepancies
-from airrace.sensitivity.lagrangian import sensitivities_to
+from airrace.sensitivity.lagrangian import sensitivities
 
 ALL = settings(GuessKind.PLAN)
 LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)
@@ -106,7 +106,7 @@ def test_rough_stage_is_measured_again_in_what_it_claims() -> None:
 def test_rough_stage_has_no_sensitivities_and_says_how_it_gets_some() -> None:
     between = solve(LAST, Stage.STATE_SPACE_INVERSION)[1]
     with pytest.raises(NotCertified, match="--mesh-check all"):
-        list(sensitivities_to((), SMALL, LAST, between))
+        list(sensitivities((), SMALL, LAST, between))
 
 
 def test_only_stage_of_a_run_is_its_last_and_proved_as_ever() -> None:

@@ -36,7 +36,7 @@ from airrace.safety.evaluation import Judge, measure
 from airrace.safety.monte_carlo import LOAD, closed_loop_of
 from airrace.safety.pilot import PilotModel
 from airrace.safety.reserve import STALL, Limit, allocate, limits_of
-from airrace.sensitivity.lagrangian import sensitivities_to
+from airrace.sensitivity.lagrangian import sensitivities
 from airrace.track.gates import Gate
 
 SMALL = Scatter(Gusts.NONE, 0.1 * KNOT, 0.001, 0.001, 0.0, 0.0)
@@ -94,7 +94,7 @@ def test_a_limit_that_does_not_bind_needs_no_margin_and_one_that_does_keeps_the_
 def test_an_optimum_leaves_no_room_to_the_limits_that_cost_it_time() -> None:
     one = inputs()
     stated = [each for each in course_limits(one.race) if math.isfinite(each.value)]
-    prices = sensitivities_to(stated, one.race, one.settings, optimum())
+    prices = sensitivities(stated, one.race, one.settings, optimum())
     costly = {each.key for each in prices if each.key.startswith("gates.") and each.weight > 1e-3}
     tight = {one.key for one in limits() if one.room < one.allowed + 0.01}
     assert costly & {one.key for one in limits()} <= tight
@@ -171,7 +171,7 @@ def test_a_margin_costs_what_its_limit_does() -> None:
     )
     varied, keys = Variation(given), ("gates.side.clearance_m", "rules.floor_m")
     chosen = [varied.parameters[key] for one in keys for key in (one, f"margins.{one}")]
-    found = {one.key: one for one in sensitivities_to(chosen, given.race, given.settings, optimum())}
+    found = {one.key: one for one in sensitivities(chosen, given.race, given.settings, optimum())}
     for key in keys:
         assert math.isclose(found[f"margins.{key}"].upward, found[key].upward, rel_tol=1e-6, abs_tol=1e-9)
     assert found["gates.side.clearance_m"].upward > 0.0

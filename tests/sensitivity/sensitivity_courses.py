@@ -10,8 +10,8 @@ from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.stage import Stage
+from airrace.runs.stage_data import stage_sensitivities
 from airrace.sensitivity import Sensitivity
-from airrace.sensitivity.lagrangian import sensitivities
 
 COURSE = short_course("n_z_max: 10, clearance: crossing", wind_m_s=6)
 CROWDED = COURSE.replace(
@@ -52,4 +52,4 @@ def optimum(text: str = COURSE, *overrides: str) -> StageResult:
 @functools.cache
 def sensitivities_of(text: str = COURSE, *overrides: str) -> dict[str, Sensitivity]:
     """The sensitivities of that optimum."""
-    return sensitivities(inputs(text, *overrides), optimum(text, *overrides))
+    return stage_sensitivities(inputs(text, *overrides), optimum(text, *overrides))

@@ -9,14 +9,13 @@ from sensitivity_courses import COURSE, CROWDED, inputs, mirrored_text, optimum,
 from airrace.errors import CheckpointError, NotCertified
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.parameters import ParameterGroup
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import Silent, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.procedure.warm_start import InitialBarrier
+from airrace.runs.stage_data import stage_sensitivities
 from airrace.sensitivity import Activity
-from airrace.sensitivity.lagrangian import sensitivities
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
@@ -93,7 +92,7 @@ def test_every_number_has_a_sensitivity_the_dearest_usual_step_first_and_untouch
     assert weights == sorted(weights, reverse=True)
     for key in ("rules.n_z_min", "gates.side.reach_m", "aircraft.envelope.speed_max_m_s", "aircraft.pitch.C_mq"):
         assert (found[key].activity, found[key].weight) == (Activity.FREE, 0.0), key
-    of_rules = sensitivities(inputs(), optimum(), groups=frozenset([ParameterGroup.RULES]))
+    of_rules = stage_sensitivities(inputs(), optimum(), "rules")
     assert of_rules
     assert of_rules == {key: one for key, one in found.items() if key.startswith("rules.")}
 
@@ -176,9 +175,9 @@ def test_solving_again_finds_the_sensitivity_where_the_start_speed_is_an_airspee
 
 def test_only_an_optimum_with_its_own_multipliers_has_sensitivities() -> None:
     with pytest.raises(NotCertified, match="not certified"):
-        sensitivities(inputs(), dataclasses.replace(optimum(), outcome=Status.NOT_CERTIFIED))
+        stage_sensitivities(inputs(), dataclasses.replace(optimum(), outcome=Status.NOT_CERTIFIED))
     with pytest.raises(NotCertified, match="guess"):
-        sensitivities(inputs(), dataclasses.replace(optimum(), certificate=None))
+        stage_sensitivities(inputs(), dataclasses.replace(optimum(), certificate=None))
     fewer = optimum().constraint_multipliers[:-1]
     with pytest.raises(CheckpointError, match="multipliers"):
-        sensitivities(inputs(), dataclasses.replace(optimum(), constraint_multipliers=fewer))
+        stage_sensitivities(inputs(), dataclasses.replace(optimum(), constraint_multipliers=fewer))
