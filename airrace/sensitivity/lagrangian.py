@@ -282,8 +282,8 @@ def sensitivities(
         parameters: the numbers.
         race: the race of the stage.
         settings: with which it was solved.
-        result: the stage. A sensitivity is one of the stored mesh, whose conditions of optimality were measured, so that
-            it does not matter whether the race time was compared with that on a second mesh.
+        result: the stage. A sensitivity is one of the stored mesh, whose conditions of optimality were measured, so
+            that it does not matter whether the race time was compared with that on a second mesh.
 
     Raises:
         NotCertified: the stage is no optimum, certified or solved, or was solved roughly.

@@ -85,7 +85,7 @@ def test_the_mirrored_course_has_the_mirrored_sensitivities() -> None:
         assert mirror[key].per_unit * one.usual_step == pytest.approx((-1 if odd else 1) * one.cost_up, abs=2e-4), key
 
 
-def test_every_number_has_a_sensitivity_the_dearest_usual_step_first_and_untouched_limits_are_free() -> None:
+def test_every_number_has_a_sensitivity_the_most_by_a_usual_step_first_and_untouched_limits_are_free() -> None:
     found = sensitivities_of()
     assert found.keys() == Variation(inputs()).parameters.keys()
     weights = [one.weight for one in found.values()]
@@ -94,7 +94,7 @@ def test_every_number_has_a_sensitivity_the_dearest_usual_step_first_and_untouch
         assert (found[key].activity, found[key].weight) == (Activity.FREE, 0.0), key
     of_rules = stage_sensitivities(inputs(), optimum(), "rules")
     assert of_rules
-    assert of_rules == {key: one for key, one in found.items() if key.startswith("rules.")}
+    assert dict(of_rules) == {key: one for key, one in found.items() if key.startswith("rules.")}
 
 
 def test_where_two_limits_coincide_only_the_tighter_side_costs() -> None:
