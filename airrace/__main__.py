@@ -8,19 +8,19 @@ import contextlib
 import os
 import sys
 
-from airrace import interrupts
+from airrace.runtime import interrupts
 
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     interrupts.listen()
     try:
-        from airrace import process
+        from airrace.runtime import process
 
         process.omit_memory_tracebacks()
         process.configure()
         process.ensure_memory()
-        from airrace.views.plain_text import secure
+        from airrace.pages.views.plain_text import secure
 
         secure()
         from airrace.cli.main import run
@@ -52,13 +52,13 @@ def exit_code(error: BaseException) -> int:
     if interrupts.caused(error):
         return interrupts.EXIT_CODE
     from airrace.errors import is_lack_of_memory
-    from airrace.process import SYSTEM_ERROR
+    from airrace.runtime.process import SYSTEM_ERROR
 
     if is_lack_of_memory(error):
         sys.stderr.write("airrace: out of memory\n")
         return SYSTEM_ERROR
     if isinstance(error, OSError):
-        from airrace.standard_streams import abandon_stdout
+        from airrace.runtime.standard_streams import abandon_stdout
 
         abandon_stdout()
         if isinstance(error, BrokenPipeError):  # the reader has seen enough

@@ -13,9 +13,9 @@ from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage as StageName
 
 if TYPE_CHECKING:
-    from airrace.aircraft import Aircraft as AircraftObject
+    from airrace.model.aircraft import Aircraft as AircraftObject
+    from airrace.model.track.course import Course
     from airrace.race import Race
-    from airrace.track.course import Course
 
 
 @dataclass(frozen=True)

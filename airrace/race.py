@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from airrace.aircraft import Aircraft
-from airrace.environment import Air
-from airrace.track.course import Course
+from airrace.model.aircraft import Aircraft
+from airrace.model.environment import Air
+from airrace.model.track.course import Course
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from airrace.export.globe import add_element
-from airrace.trajectory import Array
+from airrace.files.export.globe import add_element
+from airrace.optimal_control.trajectory import Array
 
 RINGS = (
     (0.390, 0.012, 0.012, 0.000),

@@ -15,8 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from airrace.batch.planning import JobTemplate, find_sources, make_plan, parse_sweeps
-from airrace.batch.record import FileMark, JobRecord, checkpoint_path, write_record
+from airrace.runs.batch.planning import JobTemplate, find_sources, make_plan, parse_sweeps
+from airrace.runs.batch.record import FileMark, JobRecord, checkpoint_path, write_record
 from airrace.runs.stored_inputs import library_versions
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -16,20 +16,20 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.point_mass import build_point_mass
-from airrace.dynamics.six_dof import build_six_dof
-from airrace.dynamics.state_space import build_state_space
-from airrace.dynamics.state_space_inversion import build_state_space_inversion
-from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.errors import KernelError
-from airrace.inputs.inputs import load_inputs
-from airrace.native.interpreter import Interpreter
-from airrace.native.library import library_path, open_library
+from airrace.files.inputs.inputs import load_inputs
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.point_mass import build_point_mass
+from airrace.model.dynamics.six_dof import build_six_dof
+from airrace.model.dynamics.state_space import build_state_space
+from airrace.model.dynamics.state_space_inversion import build_state_space_inversion
+from airrace.model.dynamics.transfer_functions import build_transfer_functions
+from airrace.model.environment import Air, Profile, StaticWind, Thermal
 from airrace.optimal_control.kernels import Callee, Part, casadi_kernels, native_kernels
+from airrace.optimal_control.native.interpreter import Interpreter
+from airrace.optimal_control.native.library import library_path, open_library
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
-from airrace.system import at_points
+from airrace.optimal_control.system import at_points
 
 ROOT = Path(__file__).resolve().parent.parent
 WIND = Air(

@@ -8,8 +8,8 @@ Needs Chromium. Without `--hardware` the processor draws.
 import argparse
 from pathlib import Path
 
-from airrace.report.browser import HARDWARE, SOFTWARE, page_in_browser
-from airrace.report.film import FilmView
+from airrace.pages.report.browser import HARDWARE, SOFTWARE, page_in_browser
+from airrace.pages.report.film import FilmView
 
 PICTURES = 20
 PROGRAM = """(() => {

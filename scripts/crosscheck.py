@@ -34,11 +34,11 @@ from jsbsim_aircraft.simulation import (
     simulate,
 )
 
-from airrace.aircraft import Aircraft, inner_loop_parameters
-from airrace.checkpoint import read_checkpoint
-from airrace.environment import Air, atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
-from airrace.inputs import load_inputs
+from airrace.files.checkpoint import read_checkpoint
+from airrace.files.inputs import load_inputs
+from airrace.model.aircraft import Aircraft, inner_loop_parameters
+from airrace.model.environment import Air, atmosphere_parameters
 from airrace.procedure import stored_stages
 from airrace.runs.run import RunState, run_of_checkpoint
 

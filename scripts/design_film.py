@@ -18,7 +18,7 @@ from playwright.sync_api import Page, sync_playwright
 import airrace
 from airrace.design.designer import Designer
 from airrace.design.server import DesignServer
-from airrace.report.browser import browser_path
+from airrace.pages.report.browser import browser_path
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 SIZE = {"width": 1240, "height": 720}

@@ -24,7 +24,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 import airrace
 from airrace.design.designer import Designer
 from airrace.design.server import DesignServer
-from airrace.report.browser import browser_path
+from airrace.pages.report.browser import browser_path
 
 COURSES = ("rovinj_2014", "chiba_2015", "air_race_x_2024")
 STEP = 5.0  # m

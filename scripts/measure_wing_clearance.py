@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import airrace
-from airrace.results.flight import Flight
+from airrace.flights.results.flight import Flight
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

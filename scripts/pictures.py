@@ -145,7 +145,7 @@ def photograph_scene(runs: Path, name: str, shots: Sequence[tuple[float, str]]) 
     """Pictures of the scene of Rovinj 2014 with two ghosts on one sheet, two beside one another."""
     from PIL import Image
 
-    from airrace.report.browser import SOFTWARE, page_in_browser
+    from airrace.pages.report.browser import SOFTWARE, page_in_browser
 
     flights = ("rovinj", "extra", "wind_240")
     for flight in flights:

@@ -27,11 +27,11 @@ from pathlib import Path
 from typing import Any
 
 from airrace.__main__ import main as command
-from airrace.checkpoint import store
-from airrace.control import simulation
+from airrace.files.checkpoint import store
 from airrace.optimal_control import replay
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import procedure
+from airrace.procedure.control import simulation
 from airrace.procedure.fidelity import stage_model
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage

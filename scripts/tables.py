@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import airrace
-from airrace.inputs.document import AIRCRAFT
+from airrace.files.inputs.document import AIRCRAFT
 
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = ("point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")

@@ -21,11 +21,11 @@ settings.load_profile("steady")
 
 LONG = (
     "procedure/multistart/test_search.py",
-    "batch/test_cluster.py",
+    "runs/batch/test_cluster.py",
     "runs/test_tampered_files.py",
     "procedure/test_certified_races.py",
     "end_to_end/test_closed_streams.py",
-    "control/test_simulation.py",
+    "procedure/control/test_simulation.py",
     "end_to_end/test_finished_runs.py",
     "procedure/test_fidelity_continuation.py",
     "end_to_end/test_strangers_folders.py",

@@ -8,7 +8,7 @@ READERS = {
     "airrace.cli.run_tables",
     "airrace.runs.json_objects",
     "airrace.cli.flight_tables",
-    "airrace.views.flight_figures",
+    "airrace.pages.views.flight_figures",
 }
 """What the bodies of the commands import: export, show, compare, report and plot."""
 SOLVING = (
@@ -23,8 +23,8 @@ SOLVING = (
     "airrace.optimal_control.solvers.service",
     "airrace.optimal_control.solvers.solver",
     "airrace.optimal_control.solvers.ipopt",
-    "airrace.logs.log_flight",
-    "airrace.sensitivity.lagrangian",
+    "airrace.flights.logs.log_flight",
+    "airrace.flights.sensitivity.lagrangian",
     "multiprocessing",
     "scipy",
 )
@@ -45,6 +45,8 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs() -> None:
 
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
-    program = "import airrace.runs.execute, airrace.runs.stage_view, airrace.logs.log_flight, scipy, multiprocessing"
-    program += "\nimport airrace.optimal_control.solvers.worker, airrace.sensitivity.lagrangian"
+    program = (
+        "import airrace.runs.execute, airrace.runs.stage_view, airrace.flights.logs.log_flight, scipy, multiprocessing"
+    )
+    program += "\nimport airrace.optimal_control.solvers.worker, airrace.flights.sensitivity.lagrangian"
     assert set(SOLVING) <= loaded(program)

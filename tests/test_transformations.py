@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from transformations import Change, changed, mirrored, moved, rotated
 
-from airrace.inputs import Document, inputs_from_documents, load_inputs
-from airrace.planning.plan import plan
-from airrace.planning.planning_model import cruise
-from airrace.quantities import Interval
+from airrace.files.inputs import Document, inputs_from_documents, load_inputs
+from airrace.model.track.course import Turning
+from airrace.model.track.gates import Gate, Manoeuvre, Pylon
+from airrace.model.track.polygons import Point, distance, inside, to_right
+from airrace.optimal_control.quantities import Interval
+from airrace.procedure.planning.plan import plan
+from airrace.procedure.planning.planning_model import cruise
 from airrace.race import Race
-from airrace.track.course import Turning
-from airrace.track.gates import Gate, Manoeuvre, Pylon
-from airrace.track.polygons import Point, distance, inside, to_right
 
 ROOT = Path(__file__).parents[1]
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))

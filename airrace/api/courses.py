@@ -44,7 +44,7 @@ def check(
 
     path = None if plot is None else Path(plot)
     if path is not None:
-        from airrace.views.drawing import ensure_drawable
+        from airrace.pages.views.drawing import ensure_drawable
 
         ensure_drawable(path)
         ensure_free(path, force=force, sources=[track, aircraft, settings])
@@ -103,7 +103,7 @@ def schema(
         UsageError: there is no such language.
     """
     from airrace.errors import UsageError
-    from airrace.inputs.json_schema import json_schema
+    from airrace.files.inputs.json_schema import json_schema
 
     if language not in LANGUAGES:
         raise UsageError(f"there is no language {language!r}; known are {', '.join(LANGUAGES)}")

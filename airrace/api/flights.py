@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
 from airrace import options
 from airrace.options import Option
-from airrace.report.film import FilmView
-from airrace.standard_streams import STANDARD, abandon_stdout
-from airrace.views.tables import UNITS
+from airrace.pages.report.film import FilmView
+from airrace.pages.views.tables import UNITS
+from airrace.runtime.standard_streams import STANDARD, abandon_stdout
 
 if TYPE_CHECKING:
-    from airrace.results import Flight
-    from airrace.results.comparison import Comparison
+    from airrace.flights.results import Flight
+    from airrace.flights.results.comparison import Comparison
     from airrace.runs.log_view import LogView
     from airrace.runs.stage_data import Brief
 
@@ -84,8 +84,8 @@ def import_log(
         StorageError: the system refused to write the file.
     """
     from airrace.errors import UsageError
-    from airrace.inputs.log_layout import read_layout, with_columns, with_zone
-    from airrace.logs.csv_log import ColumnLayout
+    from airrace.files.inputs.log_layout import read_layout, with_columns, with_zone
+    from airrace.flights.logs.csv_log import ColumnLayout
     from airrace.runs.log_view import fly_log_through
     from airrace.runs.output import documents_of, ensure_free
     from airrace.runs.plan import read_inputs
@@ -131,10 +131,10 @@ def compare(
 ) -> "list[Comparison]":
     """Hold flights against the first one: where time is lost, leg by leg, and how the flights differ there."""
     from airrace.errors import UsageError
-    from airrace.results.comparison import compare_flights
+    from airrace.flights.results.comparison import compare_flights
+    from airrace.pages.views.drawing import ensure_drawable, save_figure
     from airrace.runs.flight_sources import open_flights
     from airrace.runs.output import ensure_free
-    from airrace.views.drawing import ensure_drawable, save_figure
 
     if len(flights) < 2:
         raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
@@ -145,7 +145,7 @@ def compare(
     reference, *others = open_flights(flights, stage=options.stage_text(stage), verify=verify)
     comparisons = [compare_flights(reference, flight) for flight in others]
     if drawings:
-        from airrace.views.flight_figures import comparison_figure, loss_figure
+        from airrace.pages.views.flight_figures import comparison_figure, loss_figure
 
         for path, figure in ((plot, comparison_figure), (loss_map, loss_figure)):
             if path is not None:
@@ -168,17 +168,17 @@ def plot(
     force: options.Force = False,
 ) -> WrittenFlights:
     """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
+    from airrace.pages.views.drawing import ensure_drawable, save_figure
     from airrace.runs.flight_sources import open_flight
     from airrace.runs.output import ensure_free, output_path
-    from airrace.views.drawing import ensure_drawable, save_figure
 
     path = output_path(output, flight, "kneeboard.png" if kneeboard else "png")
     ensure_drawable(path)
     ensure_free(path, force=force, sources=[flight])
     opened = open_flight(flight, stage=options.stage_text(stage))
-    from airrace.views.flight_figures import flight_figure
-    from airrace.views.kneeboard import kneeboard_figure
-    from airrace.views.tables import units_named
+    from airrace.pages.views.flight_figures import flight_figure
+    from airrace.pages.views.kneeboard import kneeboard_figure
+    from airrace.pages.views.tables import units_named
 
     save_figure(kneeboard_figure(opened, units_named(units)) if kneeboard else flight_figure(opened), path)
     return WrittenFlights(path, (opened,))
@@ -238,8 +238,8 @@ def film(
     Args:
         watch: is called with the share of the pictures that are drawn.
     """
-    from airrace.checkpoint.atomic import replace_file
-    from airrace.report.film import film_of, film_settings
+    from airrace.files.checkpoint.atomic import replace_file
+    from airrace.pages.report.film import film_of, film_settings
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path
 
@@ -265,8 +265,8 @@ def card(
 
     It is 1200 pixels wide and 630 high.
     """
-    from airrace.checkpoint.atomic import replace_file
-    from airrace.report.film import card_of, ensure_card
+    from airrace.files.checkpoint.atomic import replace_file
+    from airrace.pages.report.film import card_of, ensure_card
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path
 
@@ -299,7 +299,7 @@ def export(
     """Write flights for another program; return the path of the file.
 
     Args:
-        format: e.g. `kml`, `acmi`, `netcdf`; see `airrace.export.formats`.
+        format: e.g. `kml`, `acmi`, `netcdf`; see `airrace.files.export.formats`.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -307,7 +307,7 @@ def export(
             origin where the format needs one, or a library that it needs is not installed.
         StorageError: the system refused to write the file.
     """
-    from airrace.export.formats import formats
+    from airrace.files.export.formats import formats
     from airrace.runs.flight_sources import open_flights, write_flights
     from airrace.runs.output import ensure_free, output_path
 
@@ -345,11 +345,11 @@ def export_csv(
         The files.
     """
     from airrace.errors import UsageError
+    from airrace.pages.views.plain_text import PlainStream
     from airrace.runs.flight_sources import open_file, source_of
     from airrace.runs.log_view import LogView
     from airrace.runs.output import FlightName, ensure_file_name, ensure_free
     from airrace.runs.stage_data import Splits
-    from airrace.views.plain_text import PlainStream
 
     if splits and rate is not None:
         raise UsageError("gate splits have no rate; leave out --splits or --rate")

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Self, Unpack
 
 from airrace.api import runs
 from airrace.api.safety import SafetyOptions
-from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
+from airrace.files.checkpoint.atomic import replace_file
+from airrace.flights.results.comparison import Comparison
+from airrace.pages.report.film import card_of, ensure_card, film_of, film_settings
+from airrace.pages.views.drawing import ensure_drawable, save_figure
+from airrace.pages.views.progress_view import watching
+from airrace.pages.views.tables import units_named
 from airrace.procedure.result import Progress, Silent
 from airrace.procedure.stage import Stage
-from airrace.report.film import card_of, ensure_card, film_of, film_settings
-from airrace.results.comparison import Comparison
 from airrace.runs.execute import Execution, ensure_executable
 from airrace.runs.flight_sources import report_page, write_flights
 from airrace.runs.output import write_text
@@ -21,15 +24,12 @@ from airrace.runs.plan import ExecutionPlan, chosen_texts
 from airrace.runs.run import RunState, compare_stages
 from airrace.runs.stage_data import Brief, Sensitivities
 from airrace.runs.verification import Verification, verify_run
-from airrace.views.drawing import ensure_drawable, save_figure
-from airrace.views.progress_view import watching
-from airrace.views.tables import units_named
 
 if TYPE_CHECKING:
+    from airrace.flights.safety.footprint import Footprint
     from airrace.runs.reserve import ReserveCase
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_rose import SafetyRose
-    from airrace.safety.footprint import Footprint
 
 
 Watch = Callable[[Execution], AbstractContextManager[Progress]]
@@ -247,8 +247,8 @@ class Run(RunState):
             StorageError: the system refused.
         """
         ensure_drawable(Path(path))
-        from airrace.views.flight_figures import flight_figure
-        from airrace.views.kneeboard import kneeboard_figure
+        from airrace.pages.views.flight_figures import flight_figure
+        from airrace.pages.views.kneeboard import kneeboard_figure
 
         chosen, flight = units_named(units), self.flight(stage)
         save_figure(kneeboard_figure(flight, chosen) if kneeboard else flight_figure(flight), Path(path))

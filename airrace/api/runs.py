@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Union
 
 from airrace import options
+from airrace.model.parameters import ParameterGroup
 from airrace.options import Option
-from airrace.parameters import ParameterGroup
 from airrace.procedure.settings import SearchEffort
 
 if TYPE_CHECKING:
     from airrace.api.run import Run, Watch
+    from airrace.flights.results import Confirmation, ReserveState
     from airrace.procedure.result import Progress
-    from airrace.results import Confirmation, ReserveState
     from airrace.runs.run import RunState
     from airrace.runs.stage_data import Sensitivities
     from airrace.runs.verification import Verification
@@ -72,7 +72,7 @@ def optimize(
         StorageError: the system refused to write the file.
     """
     from airrace.optimal_control.solvers import start_early
-    from airrace.process import available_cores
+    from airrace.runtime.process import available_cores
 
     threads = threads or available_cores()
     if not dry_run:  # the solver loads while this process does
@@ -148,7 +148,7 @@ def resume(
         StorageError: the system refused to write the file.
     """
     from airrace.optimal_control.solvers import start_early
-    from airrace.process import available_cores
+    from airrace.runtime.process import available_cores
 
     if not dry_run:  # the solver loads while this process does
         start_early()
@@ -238,7 +238,7 @@ def verify(
         CheckpointError: the file cannot be read.
         NotCertified: there is no certificate in the run.
     """
-    from airrace.checkpoint import LogCheckpoint, read_stored
+    from airrace.files.checkpoint import LogCheckpoint, read_stored
     from airrace.runs.log_view import open_log
     from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
     from airrace.runs.verification import confirm_log, verify_run

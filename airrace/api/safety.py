@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, Union
 from airrace import options
 from airrace.api.flights import AnyFlight
 from airrace.api.runs import optimize
-from airrace.options import Option
-from airrace.safety.disturbances import (
+from airrace.flights.safety.disturbances import (
     DENSITY_ERROR_PERCENT,
     MASS_ERROR_PERCENT,
     PILOT_DELAY,
@@ -18,13 +17,14 @@ from airrace.safety.disturbances import (
     WIND_ERROR_KT,
     Gusts,
 )
+from airrace.options import Option
 
 if TYPE_CHECKING:
     from airrace.api.run import Run
-    from airrace.results import Flight
+    from airrace.flights.results import Flight
+    from airrace.flights.safety.footprint import Footprint
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_rose import SafetyRose, SafetyRuns
-    from airrace.safety.footprint import Footprint
 
 
 class SafetyOptions(TypedDict, total=False):
@@ -111,7 +111,7 @@ def safety(
     """
     from airrace.api.run import Run
     from airrace.errors import UsageError
-    from airrace.inputs.air import winds_named
+    from airrace.files.inputs.air import winds_named
     from airrace.runs.output import ensure_free
     from airrace.runs.run import RunState, open_run
     from airrace.runs.safety_case import SafetyCase

@@ -10,7 +10,7 @@ from airrace.api.aircraft import estimate_aircraft
 from airrace.cli.answer import Answer
 from airrace.cli.command import command
 from airrace.options import Option
-from airrace.standard_streams import stem_of
+from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
     from airrace.procedure.result import Progress
@@ -64,8 +64,8 @@ def _fit(
 
 @command(_fit)
 def fit(answer: Answer, call: "partial[FittedAircraft]") -> None:
+    from airrace.pages.views.progress_view import watching
     from airrace.procedure.stage import STAGES
-    from airrace.views.progress_view import watching
 
     with watching(stem_of(call.keywords["course"]), STAGES, quiet=answer.quiet) as progress:
         fitted = call(progress=progress)

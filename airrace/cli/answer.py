@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from airrace import interrupts
 from airrace.errors import UsageError
+from airrace.pages.views.plain_text import keep_colours, one_line
+from airrace.pages.views.tables import Table
 from airrace.runs.command_result import CommandResult, ExitCode, of_error, record_failure
-from airrace.standard_streams import ONE_ON_STDOUT, STANDARD, abandon_stdout
-from airrace.views.plain_text import keep_colours, one_line
-from airrace.views.tables import Table
+from airrace.runtime import interrupts
+from airrace.runtime.standard_streams import ONE_ON_STDOUT, STANDARD, abandon_stdout
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -176,7 +176,7 @@ def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH)
         content: what is shown.
         columns: to use where there is no terminal; more where the content cannot be narrower.
     """
-    from airrace.views.terminal import PlainConsole  # imported here, for it takes 0.05 s to load
+    from airrace.pages.views.terminal import PlainConsole  # imported here, for it takes 0.05 s to load
 
     terminal = sys.stdout.isatty()
     written = io.BytesIO()
@@ -259,7 +259,7 @@ def takes_unicode() -> bool:
 
 def full_columns(table: Table) -> int:
     """Return the columns that a table takes where nothing limits it."""
-    from airrace.views.terminal import PlainConsole  # as above
+    from airrace.pages.views.terminal import PlainConsole  # as above
 
     return PlainConsole(file=io.StringIO(), width=10_000).measure(table.rich()).maximum  # columns that limit no table
 

@@ -10,17 +10,18 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
-from airrace import interrupts, options
-from airrace.batch import BatchOptions
+from airrace import options
 from airrace.cli.answer import Answer
 from airrace.cli.command import command
 from airrace.options import Option
+from airrace.runs.batch import BatchOptions
 from airrace.runs.command_result import ExitCode
-from airrace.standard_streams import STANDARD
+from airrace.runtime import interrupts
+from airrace.runtime.standard_streams import STANDARD
 
 if TYPE_CHECKING:
-    from airrace.batch.fairness import Fairness
-    from airrace.batch.sweep import SweepResult
+    from airrace.runs.batch.fairness import Fairness
+    from airrace.runs.batch.sweep import SweepResult
 
 
 BATCH_HELP = """Fly many courses.
@@ -40,8 +41,8 @@ def batch(
     junit: Annotated[Path | None, Option("Write a JUnit report.", "FILE", written=True)] = None,
     markdown: Annotated[Path | None, Option("Write the table as Markdown.", "FILE", written=True)] = None,
 ) -> None:
-    from airrace.batch.supervision import supervise
     from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
+    from airrace.runs.batch.supervision import supervise
 
     answer.fields = {"certified": False, "jobs": []}
     started = time.perf_counter()
@@ -120,8 +121,8 @@ def _sweep(
     Each is solved from its neighbour and measured like a stage that is solved on one mesh. Routes stay those of the
     run; `airrace batch` flies every combination from scratch instead.
     """
-    from airrace.batch.sweep import ensure_sweep_file
-    from airrace.batch.sweep import sweep as solve_sweep
+    from airrace.runs.batch.sweep import ensure_sweep_file
+    from airrace.runs.batch.sweep import sweep as solve_sweep
     from airrace.runs.output import ensure_free
 
     if output is not None:
@@ -132,8 +133,8 @@ def _sweep(
 
 @command(_sweep)
 def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
-    from airrace.views.plain_text import SafeStream
-    from airrace.views.tables import Table
+    from airrace.pages.views.plain_text import SafeStream
+    from airrace.pages.views.tables import Table
 
     terminal = SafeStream(sys.stderr, commanded=True)
 
@@ -186,15 +187,15 @@ def _fairness(
     tell: Callable[[str], None] = lambda text: None,
 ) -> "Fairness":
     """Tell what aircraft and air are worth on a course: handicaps, spreads, and times as of still standard air."""
-    from airrace.inputs import load_inputs
+    from airrace.files.inputs import load_inputs
     from airrace.runs.output import documents_of, ensure_free, write_text
 
     if csv is not None:
         ensure_free(csv, force=force, sources=[track, settings, *aircraft, *flights])
         inputs = load_inputs(track, settings=settings, overrides=set)
         ensure_free(csv, force=True, sources=documents_of(inputs))
-    from airrace.batch.fairness import fairness
-    from airrace.batch.planning import parse_sweeps
+    from airrace.runs.batch.fairness import fairness
+    from airrace.runs.batch.planning import parse_sweeps
 
     found = fairness(
         track,

@@ -17,8 +17,14 @@ from rich.live import Live
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from airrace.batch.planning import BatchPlan, JobResult, PlannedJob
-from airrace.batch.reports import (
+from airrace.cli.answer import full_columns, render, terminal_columns
+from airrace.errors import Finding
+from airrace.pages.views.plain_text import SafeStream, plain
+from airrace.pages.views.progress_view import commands_cursor
+from airrace.pages.views.tables import Column, Table
+from airrace.pages.views.terminal import PlainConsole
+from airrace.runs.batch.planning import BatchPlan, JobResult, PlannedJob
+from airrace.runs.batch.reports import (
     STATES,
     BatchResult,
     WindSummary,
@@ -33,16 +39,10 @@ from airrace.batch.reports import (
     wind_summaries,
     wind_words,
 )
-from airrace.batch.supervision import StageFinished, Watcher
-from airrace.cli.answer import full_columns, render, terminal_columns
-from airrace.errors import Finding
+from airrace.runs.batch.supervision import StageFinished, Watcher
 from airrace.runs.command_result import CommandResult, ExitCode, worst
 from airrace.runs.output import ensure_free, write_text
-from airrace.standard_streams import STANDARD
-from airrace.views.plain_text import SafeStream, plain
-from airrace.views.progress_view import commands_cursor
-from airrace.views.tables import Column, Table
-from airrace.views.terminal import PlainConsole
+from airrace.runtime.standard_streams import STANDARD
 
 FINDINGS_MAX = 500
 """The largest number of findings that are printed for a batch."""

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from airrace.procedure.stage import STAGES
-from airrace.resources import shipped_folder
+from airrace.runtime.resources import shipped_folder
 
 
 def complete_track(incomplete: str) -> list[str]:

@@ -8,16 +8,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from airrace.cli.answer import paragraph
-from airrace.planning.lint import Remark
-from airrace.quantities import KNOT, Interval
+from airrace.flights.results import Flight
+from airrace.flights.results.clearances import Clearance
+from airrace.flights.results.flight import passings_around
+from airrace.model.track.course import CrowdShape, PilotLimits, StartSpeed
+from airrace.model.track.polygons import area, edges
+from airrace.optimal_control.quantities import KNOT, Interval
+from airrace.pages.views.course_page import passages_table
+from airrace.pages.views.tables import Column, Table
+from airrace.procedure.planning.lint import Remark
 from airrace.race import Race
-from airrace.results import Flight
-from airrace.results.clearances import Clearance
-from airrace.results.flight import passings_around
-from airrace.track.course import CrowdShape, PilotLimits, StartSpeed
-from airrace.track.polygons import area, edges
-from airrace.views.course_page import passages_table
-from airrace.views.tables import Column, Table
 
 ROWS_MAX = 200
 """The largest number of passages in the table; of more, only the first and the last are printed."""

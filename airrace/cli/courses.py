@@ -11,8 +11,8 @@ from airrace.api import courses
 from airrace.cli.answer import Answer, paragraph, takes_unicode, terminal_columns
 from airrace.cli.command import command
 from airrace.options import Option
-from airrace.standard_streams import stem_of
-from airrace.views.plain_text import one_line
+from airrace.pages.views.plain_text import one_line
+from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
     from airrace.cli.installation import Component
@@ -63,7 +63,7 @@ def _catalogue() -> "Catalogue":
 
 @command(_catalogue)
 def tracks(answer: Answer, call: "partial[Catalogue]") -> None:
-    from airrace.views.tables import Column, Table
+    from airrace.pages.views.tables import Column, Table
 
     listed = call()
     answer.fields.update(listed.as_object())
@@ -122,9 +122,9 @@ def _design(
     The page is served to this machine alone, under an address with a token, until Ctrl-C. Saving edits the file in
     place; what is not saved by then lies beside it.
     """
-    from airrace import interrupts
     from airrace.design.designer import Designer
     from airrace.errors import UsageError
+    from airrace.runtime import interrupts
 
     try:
         from airrace.design.server import DesignServer

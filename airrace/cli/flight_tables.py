@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 
 from airrace.cli.answer import PAGE, paragraph, render
 from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
-from airrace.logs.violations import shown
+from airrace.flights.logs.violations import shown
+from airrace.flights.sensitivity import Activity, Sensitivity
+from airrace.pages.report.sensitivity_tables import cost_text, sensitivities_table
+from airrace.pages.views.log_tables import passings_table, penalty_text, violations_table
 from airrace.procedure.result import StageResult
-from airrace.report.sensitivity_tables import cost_text, sensitivities_table
 from airrace.runs.log_view import LogView
-from airrace.sensitivity import Activity, Sensitivity
-from airrace.views.log_tables import passings_table, penalty_text, violations_table
 
 BESIDE_KEYS = 50
 """The columns that a table of sensitivities needs beside its keys."""

@@ -14,12 +14,12 @@ from airrace.api.flights import WrittenFlights
 from airrace.cli.answer import PAGE, Answer, takes_unicode
 from airrace.cli.command import Command, command
 from airrace.options import Option
-from airrace.standard_streams import name_of
+from airrace.runtime.standard_streams import name_of
 
 if TYPE_CHECKING:
-    from airrace.export.formats import Format
-    from airrace.results import Confirmation
-    from airrace.results.comparison import Comparison
+    from airrace.files.export.formats import Format
+    from airrace.flights.results import Confirmation
+    from airrace.flights.results.comparison import Comparison
     from airrace.runs.log_view import LogView
     from airrace.runs.stage_data import Brief
 
@@ -55,7 +55,7 @@ def brief(
     csv: Annotated[bool, Option("Print comma-separated values, one row per action.")] = False,
 ) -> None:
     from airrace.errors import UsageError
-    from airrace.views.tables import units_named
+    from airrace.pages.views.tables import units_named
 
     if answer.as_json and csv:
         raise UsageError("--json and --csv exclude each other")
@@ -110,7 +110,7 @@ def report(answer: Answer, call: "partial[WrittenFlights]") -> None:
 
 @command(flights.film)
 def film(answer: Answer, call: "partial[WrittenFlights]") -> None:
-    from airrace.views.plain_text import SafeStream
+    from airrace.pages.views.plain_text import SafeStream
 
     names = call.args
     _choose_output(answer, call, names[0], "mp4")
@@ -169,7 +169,7 @@ def csv_table(answer: Answer, call: "partial[Sequence[Path]]") -> None:
 
 def _formats() -> Mapping[str, "Format"]:
     from airrace.errors import UsageError
-    from airrace.export.formats import formats
+    from airrace.files.export.formats import formats
 
     try:
         return formats()

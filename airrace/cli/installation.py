@@ -12,13 +12,13 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 from airrace.errors import AirraceError, StorageError
-from airrace.extensions import extensions, load_extensions
-from airrace.native.library import library
+from airrace.optimal_control.native.library import library
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.solve import solve
-from airrace.process import available_cores
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.system import system_of
+from airrace.runtime.extensions import extensions, load_extensions
+from airrace.runtime.process import available_cores
 
 USES = {
     "plot": "plot, check --plot, compare --plot",

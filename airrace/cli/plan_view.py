@@ -7,12 +7,12 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from airrace.planning.clearance import ground_distance
-from airrace.quantities import KNOT
-from airrace.track.course import CrowdShape
-from airrace.track.polygons import edges
-from airrace.trajectory import Array
-from airrace.views.map_model import MapModel, Mark, coordinates, round_length
+from airrace.model.track.course import CrowdShape
+from airrace.model.track.polygons import edges
+from airrace.optimal_control.quantities import KNOT
+from airrace.optimal_control.trajectory import Array
+from airrace.pages.views.map_model import MapModel, Mark, coordinates, round_length
+from airrace.procedure.planning.clearance import ground_distance
 
 ACROSS, DOWN = 2, 4
 """The dots of a cell; it is twice as high as wide, so the dots lie on a square grid."""

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.answer import PAGE, command_lines, paragraph, render
 from airrace.cli.run_tables import (
     ROUTES_MAX,
@@ -22,23 +21,31 @@ from airrace.cli.run_tables import (
     near_miss_table,
 )
 from airrace.errors import InputError, UsageError
-from airrace.inputs.objects import is_of_objects
+from airrace.files.checkpoint import Checkpoint, inputs_hash, stale_stages
+from airrace.files.inputs.objects import is_of_objects
+from airrace.flights.results import Confirmation, Flight, Stamp
+from airrace.flights.results.clearances import near_misses
+from airrace.flights.results.flight_facts import sustained_loads
+from airrace.model.track.course import ClearanceRule
+from airrace.pages.views.plain_text import one_line
+from airrace.pages.views.stage_tables import (
+    claim,
+    limits_table,
+    search_table,
+    splits_table,
+    stages_table,
+    verdict_words,
+)
+from airrace.pages.views.tables import Table
 from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
 from airrace.procedure.stage import STAGES, Stage
-from airrace.results import Confirmation, Flight, Stamp
-from airrace.results.clearances import near_misses
-from airrace.results.flight_facts import sustained_loads
 from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
 from airrace.runs.plan import in_force
 from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stored_inputs import stored_documents
 from airrace.runs.verdict import downgrade_stale, is_certified
 from airrace.runs.verification import with_confirmations
-from airrace.standard_streams import STANDARD, name_of
-from airrace.track.course import ClearanceRule
-from airrace.views.plain_text import one_line
-from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, stages_table, verdict_words
-from airrace.views.tables import Table
+from airrace.runtime.standard_streams import STANDARD, name_of
 
 logger = logging.getLogger(__name__)
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.cli.answer import PAGE, number, paragraph, render
+from airrace.flights.results import Flight, laps_of
+from airrace.flights.results.clearances import NearMiss
+from airrace.flights.results.comparison import TIE, Comparison, compare_flights, conditions
+from airrace.flights.results.flight_facts import Range, leg_facts
+from airrace.flights.results.time_loss import time_loss
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.views.comparison_tables import laps_table, lost_table
+from airrace.pages.views.stage_tables import ONE_MESH, ROUGH, certificate_table, distance_table
+from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import RefinementReason, StageResult
-from airrace.quantities import KNOT
-from airrace.results import Flight, laps_of
-from airrace.results.clearances import NearMiss
-from airrace.results.comparison import TIE, Comparison, compare_flights, conditions
-from airrace.results.flight_facts import Range, leg_facts
-from airrace.results.time_loss import time_loss
 from airrace.runs.json_objects import REASONS
-from airrace.views.comparison_tables import laps_table, lost_table
-from airrace.views.stage_tables import ONE_MESH, ROUGH, certificate_table, distance_table
-from airrace.views.tables import Column, Table
 
 if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate

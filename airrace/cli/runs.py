@@ -11,12 +11,12 @@ from airrace.cli.answer import Answer, render, terminal_columns
 from airrace.cli.command import command
 from airrace.options import Option
 from airrace.runs.command_result import ExitCode, empty_result
-from airrace.standard_streams import stem_of
+from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
     from airrace.api.run import Run
     from airrace.api.runs import Verified
-    from airrace.checkpoint import Checkpoint, LogCheckpoint
+    from airrace.files.checkpoint import Checkpoint, LogCheckpoint
     from airrace.procedure.result import Progress
     from airrace.runs.execute import Execution
     from airrace.runs.stage_data import Sensitivities
@@ -74,7 +74,7 @@ class _Watcher:
         self.execution: Execution | None = None
 
     def __call__(self, execution: "Execution") -> "AbstractContextManager[Progress]":
-        from airrace.views.progress_view import watching
+        from airrace.pages.views.progress_view import watching
 
         self.execution = execution
         plan = execution.plan
@@ -140,7 +140,7 @@ def _stored(
 
     All of it fits one screen; options show more.
     """
-    from airrace.checkpoint import read_stored
+    from airrace.files.checkpoint import read_stored
 
     del stage, verify  # what is shown of it
     return read_stored(run_file)
@@ -159,8 +159,8 @@ def show(
     certificate: ShowCertificate = False,
     all_: ShowAll = False,
 ) -> None:
-    from airrace.checkpoint import LogCheckpoint
     from airrace.cli.run_screen import Parts, run_texts, stored_stages
+    from airrace.files.checkpoint import LogCheckpoint
 
     stored = call()
     path, stage, verify = (call.keywords[name] for name in ("run_file", "stage", "verify"))
@@ -230,7 +230,7 @@ def sensitivity(
 ) -> None:
     from airrace.cli.flight_tables import sensitivities_text
     from airrace.errors import UsageError
-    from airrace.report.sensitivity_tables import sensitivities_csv
+    from airrace.pages.report.sensitivity_tables import sensitivities_csv
     from airrace.runs.run import open_run
 
     if answer.as_json and csv:

@@ -11,10 +11,10 @@ from airrace.cli.answer import PAGE, Answer, render
 from airrace.cli.command import command
 
 if TYPE_CHECKING:
-    from airrace.results import Flight
+    from airrace.flights.results import Flight
+    from airrace.flights.safety.footprint import Footprint
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_rose import SafetyRose, SafetyRuns
-    from airrace.safety.footprint import Footprint
 
 
 @command(risks.safety)
@@ -46,7 +46,7 @@ def footprint(answer: Answer, call: "partial[tuple[Footprint, Flight]]") -> None
 
 def _texts(footprint: "Footprint", flight: "Flight") -> Iterator[str]:
     """Yield tables of falls, glides and people, and what they are not; at most 80 columns wide."""
-    from airrace.views.safety_views import falls_table, footprint_facts, people_table
+    from airrace.pages.views.safety_views import falls_table, footprint_facts, people_table
 
     yield render(falls_table(footprint, flight), columns=PAGE)
     people = people_table(footprint, flight)

@@ -11,17 +11,17 @@ from typing import Any, cast
 
 import numpy as np
 
-from airrace.checkpoint.atomic import replace_file
 from airrace.design.edits import Edit, Put, edit_document
 from airrace.design.pieces import KINDS, EditableCourse, Spot, layout_of
 from airrace.design.solving import SLIDERS, WIND, AircraftSession, SolveRequest
 from airrace.errors import UsageError
-from airrace.inputs import Document, load_inputs
-from airrace.inputs.document import AIRCRAFT, TRACKS
-from airrace.inputs.nodes import KeyPath
-from airrace.inputs.placemarks import PlacemarkShape, read_placemarks
-from airrace.track.course import Origin, metres
-from airrace.track.polygons import Point
+from airrace.files.checkpoint.atomic import replace_file
+from airrace.files.inputs import Document, load_inputs
+from airrace.files.inputs.document import AIRCRAFT, TRACKS
+from airrace.files.inputs.nodes import KeyPath
+from airrace.files.inputs.placemarks import PlacemarkShape, read_placemarks
+from airrace.model.track.course import Origin, metres
+from airrace.model.track.polygons import Point
 
 UNDO_MAX = 500
 """The steps that can be undone; each holds the text of the file."""

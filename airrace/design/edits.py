@@ -13,9 +13,9 @@ from typing import Any, cast
 import yaml
 
 from airrace.errors import UsageError
-from airrace.inputs.document import Document
-from airrace.inputs.nodes import KeyPath, dotted
-from airrace.inputs.yaml_reader import FAST, is_plain_text, quoted, read_yaml
+from airrace.files.inputs.document import Document
+from airrace.files.inputs.nodes import KeyPath, dotted
+from airrace.files.inputs.yaml_reader import FAST, is_plain_text, quoted, read_yaml
 
 
 @dataclass(frozen=True)

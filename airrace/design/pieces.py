@@ -9,13 +9,13 @@ import numpy as np
 
 from airrace.design.edits import Edit, Insert, Put, Remove
 from airrace.errors import UsageError
-from airrace.inputs import Inputs
-from airrace.inputs.course_order import CourseReference, references_of
-from airrace.inputs.nodes import KeyPath, MappingNode, dotted
-from airrace.inputs.places import GEODETIC, METRIC
-from airrace.inputs.yaml_reader import read_yaml
-from airrace.track.course import Origin, geodetic, metres
-from airrace.track.polygons import Point
+from airrace.files.inputs import Inputs
+from airrace.files.inputs.course_order import CourseReference, references_of
+from airrace.files.inputs.nodes import KeyPath, MappingNode, dotted
+from airrace.files.inputs.places import GEODETIC, METRIC
+from airrace.files.inputs.yaml_reader import read_yaml
+from airrace.model.track.course import Origin, geodetic, metres
+from airrace.model.track.polygons import Point
 
 Plain = Mapping[str, Any]  # JSON of a track that is known to be without fault
 

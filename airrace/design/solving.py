@@ -17,25 +17,25 @@ import numpy as np
 
 from airrace.design.pieces import EditableCourse, layout_of
 from airrace.errors import AirraceError, SolverCrash, UsageError
-from airrace.inputs import Document, load_inputs
-from airrace.inputs.nodes import KeyPath, dotted
-from airrace.inputs.places import GEODETIC, METRIC
-from airrace.inputs.variation import Variation
+from airrace.files.inputs import Document, load_inputs
+from airrace.files.inputs.nodes import KeyPath, dotted
+from airrace.files.inputs.places import GEODETIC, METRIC
+from airrace.files.inputs.variation import Variation
+from airrace.flights.results.clearances import least_distances
+from airrace.flights.results.flight import Flight
+from airrace.flights.sensitivity.lagrangian import sensitivities
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.report.flight_page import SCENE_ALONE, flight_page
 from airrace.procedure.formulation import passings_of
 from airrace.procedure.result import Iteration, Silent
 from airrace.procedure.stage import Stage
-from airrace.process import available_cores
-from airrace.quantities import KNOT
-from airrace.report.flight_page import SCENE_ALONE, flight_page
-from airrace.results.clearances import least_distances
-from airrace.results.flight import Flight
 from airrace.runs.courses import check_course
 from airrace.runs.execute import execute
 from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
 from airrace.runs.run import RunState
 from airrace.runs.session import Session
 from airrace.runs.stage_view import StageView
-from airrace.sensitivity.lagrangian import sensitivities
+from airrace.runtime.process import available_cores
 
 logger = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from airrace.optimal_control.sparse_assembly import (
     StageAssembly,
     unique_rows,
 )
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.trajectory import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)

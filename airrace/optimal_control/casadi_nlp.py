@@ -16,7 +16,7 @@ from airrace.optimal_control.kernels import Kernel, Part, casadi_kernels, map_ca
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.sparse_assembly import SparseAssembly
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.trajectory import Array, Indices
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
 

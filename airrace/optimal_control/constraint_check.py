@@ -12,10 +12,10 @@ import numpy as np
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.replay import Replay
-from airrace.quantities import Interval, Quantity
-from airrace.system import at_points
-from airrace.trajectory import Array
+from airrace.optimal_control.system import at_points
+from airrace.optimal_control.trajectory import Array
 
 
 @dataclass(frozen=True)

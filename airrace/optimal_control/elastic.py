@@ -19,9 +19,9 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Problem
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation, System
-from airrace.trajectory import Array
+from airrace.optimal_control.quantities import Interval, Quantity
+from airrace.optimal_control.system import Observation, System
+from airrace.optimal_control.trajectory import Array
 
 RELAXED = Quantity("relaxed", "1", lower=0.0, text="how far the limits give way")
 """The declaration of the state that says how far the limits give way."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty, StageMatrices
 from airrace.optimal_control.kernels import BoundCall, Part, bind
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 
 class Evaluation:

@@ -21,10 +21,10 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import KernelError, SolverCrash
-from airrace.native.interpreter import BatchFunction, Interpreter, interpreter
+from airrace.optimal_control.native.interpreter import BatchFunction, Interpreter, interpreter
 from airrace.optimal_control.runge_kutta import RungeKutta, scheme_numbers, step_parts, step_tables
-from airrace.system import System
-from airrace.trajectory import Array
+from airrace.optimal_control.system import System
+from airrace.optimal_control.trajectory import Array
 
 logger = logging.getLogger(__name__)
 

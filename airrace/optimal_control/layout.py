@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from airrace.optimal_control.problem import Iterate, Problem, require_valid
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.quantities import Interval, Quantity
+from airrace.optimal_control.system import Observation
+from airrace.optimal_control.trajectory import Array, Indices
 
 
 class LimitedQuantity(NamedTuple):

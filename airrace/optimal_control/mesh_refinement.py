@@ -17,7 +17,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, uniform
 from airrace.optimal_control.replay import SAMPLES, Replay
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.trajectory import Array, Indices
 
 Fractions = tuple[float, ...]
 Mesh = list[Fractions]

@@ -18,8 +18,8 @@ import numpy as np
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.system import at_points
-from airrace.trajectory import Array
+from airrace.optimal_control.system import at_points
+from airrace.optimal_control.trajectory import Array
 
 MULTIPLIER_SCALE = 100.0
 """The mean size of the scaled multipliers beyond which the dual conditions are relaxed in proportion (1).

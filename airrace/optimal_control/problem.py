@@ -18,10 +18,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from airrace.optimal_control.quantities import Interval, Quantity, Vector
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
-from airrace.quantities import Interval, Quantity, Vector
-from airrace.system import Observation, System
-from airrace.trajectory import Array
+from airrace.optimal_control.system import Observation, System
+from airrace.optimal_control.trajectory import Array
 
 WHOLE = 1e-6
 """The largest deviation from 1 of the sum of a phase's fractions (1).

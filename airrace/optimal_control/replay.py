@@ -21,11 +21,11 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import KernelError
-from airrace.native.interpreter import interpreter
+from airrace.optimal_control.native.interpreter import interpreter
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import VERNER_7
-from airrace.system import System, at_points, dense
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.system import System, at_points, dense
+from airrace.optimal_control.trajectory import Array, Indices
 
 ALIAS = "airrace_scipy_integrators"
 """The name under which the folder of integrators is loaded."""

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.system import System
+from airrace.optimal_control.system import System
 
 Column = Any  # of symbols or numbers: one formula serves casadi and numpy alike
 

@@ -30,15 +30,15 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.native.library import library
 from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly, StageMatrices
 from airrace.optimal_control.certificate import SADDLE, Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.native.library import library
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.trajectory import Array, Indices
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.native.library import library
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.native.library import library
+from airrace.optimal_control.trajectory import Array, Indices
 
 
 def unique_rows(keys: Indices) -> tuple[Indices, Indices]:

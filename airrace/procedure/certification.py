@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from airrace.model.track.course import ClearanceRule
 from airrace.optimal_control.certificate import (
     HAMILTONIAN_DRIFT,
     RACE_TIME_CHANGE,
@@ -22,7 +23,8 @@ from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.planning.clearance import ClosestApproach, Wing, closest_approaches, pylons_of, wing_position
+from airrace.optimal_control.trajectory import Array
+from airrace.procedure.planning.clearance import ClosestApproach, Wing, closest_approaches, pylons_of, wing_position
 from airrace.procedure.result import (
     CLEARANCE,
     NO_PROVENANCE,
@@ -37,8 +39,6 @@ from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, gate_splits, trajectory_of
-from airrace.track.course import ClearanceRule
-from airrace.trajectory import Array
 
 ACCELERATIONS = (
     ("acceleration", "m/s2"),

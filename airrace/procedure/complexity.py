@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.frames import QUATERNION
-from airrace.planning.plan import POSITION, track_turn
+from airrace.model.frames import QUATERNION
+from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure.multistart.rolls import pushes, reversals
+from airrace.procedure.planning.plan import POSITION, track_turn
 from airrace.procedure.stage_problem import StageProblem, load_factors_along
-from airrace.trajectory import Trajectory
 
 CIRCLE = math.radians(300.0)
 """The turn to one side on one leg from which on it is a circle, rad: no gate asks for as much."""

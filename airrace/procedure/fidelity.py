@@ -10,8 +10,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Protocol
 
-from airrace.aircraft import Aircraft
-from airrace.control.dynamic_inversion import (
+from airrace.errors import CheckpointError
+from airrace.model.aircraft import Aircraft
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.point_mass import build_point_mass
+from airrace.model.dynamics.six_dof import build_six_dof
+from airrace.model.dynamics.state_space import build_state_space
+from airrace.model.dynamics.state_space_inversion import build_state_space_inversion
+from airrace.model.dynamics.transfer_functions import build_transfer_functions
+from airrace.model.environment import Air
+from airrace.model.track.course import Rules
+from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.quantities import Quantity
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, VERNER_7, RungeKutta
+from airrace.optimal_control.trajectory import Array, Trajectory
+from airrace.procedure.control.dynamic_inversion import (
     SIX_DOF,
     STATE_SPACE,
     STATE_SPACE_INVERSION,
@@ -19,23 +32,10 @@ from airrace.control.dynamic_inversion import (
     invert_body_motion,
     invert_transfer_functions,
 )
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.point_mass import build_point_mass
-from airrace.dynamics.six_dof import build_six_dof
-from airrace.dynamics.state_space import build_state_space
-from airrace.dynamics.state_space_inversion import build_state_space_inversion
-from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment import Air
-from airrace.errors import CheckpointError
-from airrace.extensions import load_extensions
-from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, VERNER_7, RungeKutta
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
-from airrace.quantities import Quantity
 from airrace.race import Race
-from airrace.track.course import Rules
-from airrace.trajectory import Array, Trajectory
+from airrace.runtime.extensions import load_extensions
 
 LONGEST_INTERVAL = 0.13
 """The longest interval of the models with an inner loop, s.

@@ -9,9 +9,10 @@ import math
 from collections.abc import Sequence
 from typing import Self
 
-from airrace.dynamics.flight_model import FROM_ZERO, FlightModel
-from airrace.dynamics.limits import symmetric
-from airrace.dynamics.observations import (
+from airrace.errors import UsageError
+from airrace.model.dynamics.flight_model import FROM_ZERO, FlightModel
+from airrace.model.dynamics.limits import symmetric
+from airrace.model.dynamics.observations import (
     AIRSPEED,
     SIDE_ACCELERATION,
     CrossingParameters,
@@ -26,7 +27,7 @@ from airrace.dynamics.observations import (
     settled_observation,
     with_sight,
 )
-from airrace.dynamics.pilot_observation import (
+from airrace.model.dynamics.pilot_observation import (
     LATERAL_LOAD_FACTOR,
     LOAD_FACTOR,
     LOW_LOAD_FACTOR,
@@ -38,17 +39,16 @@ from airrace.dynamics.pilot_observation import (
     crossing_observation_of_pilot,
     low_flight_observation,
 )
-from airrace.environment import Air, WindField
-from airrace.errors import UsageError
+from airrace.model.environment import Air, WindField
+from airrace.model.track.course import Course, PilotLimits, Rules, StartSpeed
+from airrace.model.track.element import Frame, climb_condition
+from airrace.model.track.gates import NOT_POSITIVE, POSITIVE, ZERO
+from airrace.model.track.polygons import area, edges
 from airrace.optimal_control.problem import Boundary, PathConstraint
-from airrace.planning.plan import Plan
-from airrace.planning.route_decisions import Waypoint
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation, side_by_side
-from airrace.track.course import Course, PilotLimits, Rules, StartSpeed
-from airrace.track.element import Frame, climb_condition
-from airrace.track.gates import NOT_POSITIVE, POSITIVE, ZERO
-from airrace.track.polygons import area, edges
+from airrace.optimal_control.quantities import Interval, Quantity
+from airrace.optimal_control.system import Observation, side_by_side
+from airrace.procedure.planning.plan import Plan
+from airrace.procedure.planning.route_decisions import Waypoint
 
 LEAST_COSINE = 0.1
 """The least cosine of a prescribed bank at which a steady turn is asked for (1): it takes 10 g there, none beyond."""
@@ -61,7 +61,7 @@ NEAR_GROUND = "load factor near the ground"
 
 @dataclasses.dataclass(frozen=True)
 class PilotConditions:
-    """The limits of a pilot as a model observes them, see `airrace.dynamics.pilot_observation`.
+    """The limits of a pilot as a model observes them, see `airrace.model.dynamics.pilot_observation`.
 
     Attributes:
         limits: the limits.
@@ -153,7 +153,7 @@ class StartAirspeed:
     """What the boundary of a start observes in the place of its speed over ground.
 
     Attributes:
-        airspeed: see `airrace.dynamics.observations`.
+        airspeed: see `airrace.model.dynamics.observations`.
         values: the numbers of the air.
     """
 
@@ -196,7 +196,7 @@ NamedPassing = tuple[str, str]
 
 @dataclasses.dataclass(frozen=True)
 class Trim:
-    """The condition that the inner loop is settled at an end of the race, see `airrace.dynamics.observations`.
+    """The condition that the inner loop is settled at an end of the race, see `airrace.model.dynamics.observations`.
 
     Attributes:
         crossing: what the boundaries of passages observe.

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.dynamics.point_mass import PointMassState
-from airrace.environment import g0
-from airrace.frames import QUATERNION, product, rotation
+from airrace.model.dynamics.point_mass import PointMassState
+from airrace.model.environment import g0
+from airrace.model.frames import QUATERNION, product, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.planning.plan import Plan, PlannedLeg
-from airrace.planning.planning_model import PlanningModel, roll_time, rotation_time, turn_by
-from airrace.planning.route_decisions import Waypoint
+from airrace.optimal_control.trajectory import Array
+from airrace.procedure.planning.plan import Plan, PlannedLeg
+from airrace.procedure.planning.planning_model import PlanningModel, roll_time, rotation_time, turn_by
+from airrace.procedure.planning.route_decisions import Waypoint
 from airrace.procedure.settings import MeshSettings
-from airrace.trajectory import Array
 
 
 @dataclass(frozen=True)

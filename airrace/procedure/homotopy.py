@@ -14,26 +14,26 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from airrace.dynamics.point_mass import PointMassState
-from airrace.frames import angles, rotation
+from airrace.model.dynamics.point_mass import PointMassState
+from airrace.model.frames import angles, rotation
+from airrace.model.track.course import Passage
+from airrace.model.track.dubins import DubinsPath
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.planning.plan import Plan, PlannedLeg
-from airrace.planning.planning_model import PlanningModel, rotation_time, rotation_vector, turn_by
-from airrace.planning.route_decisions import Waypoint
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.certification import conclude
 from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import concatenate, first_mesh, guess, phase_piece, shift
 from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility
+from airrace.procedure.planning.plan import Plan, PlannedLeg
+from airrace.procedure.planning.planning_model import PlanningModel, rotation_time, rotation_vector, turn_by
+from airrace.procedure.planning.route_decisions import Waypoint
 from airrace.procedure.result import Note, NoteKind, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.quantities import Interval
-from airrace.track.course import Passage
-from airrace.track.dubins import DubinsPath
-from airrace.trajectory import Array
 
 HORIZON, LONGEST_HORIZON = 2, 8
 """The number of phases that are solved together; the largest one, where fewer fail."""

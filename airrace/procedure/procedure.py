@@ -17,11 +17,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 
-from airrace.dynamics import handling
-from airrace.native.library import MISSING, library_path
+from airrace.model.dynamics import handling
+from airrace.optimal_control.native.library import MISSING, library_path
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import plan_race
 from airrace.procedure.certification import conclude
 from airrace.procedure.choice import (
     SAME_FLIGHT,
@@ -46,6 +45,7 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, Initial
 from airrace.procedure.multistart.multistart import search_routes
 from airrace.procedure.multistart.plans import plans_to_search, plans_with_room, replanned_with_room
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget
+from airrace.procedure.planning.plan import plan_race
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.recomputation import recertify, recompute
 from airrace.procedure.restart import SourceRun, start_from

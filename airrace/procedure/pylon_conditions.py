@@ -19,18 +19,18 @@ from typing import Self
 
 import numpy as np
 
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.observations import PylonRoom, pylon_room_observation
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.observations import PylonRoom, pylon_room_observation
+from airrace.model.track.course import Course
 from airrace.optimal_control.mesh_refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.replay import Replay
-from airrace.planning.clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
-from airrace.planning.plan import Plan
+from airrace.optimal_control.system import SYMBOLS, Observation, System
+from airrace.optimal_control.trajectory import Array
+from airrace.procedure.planning.clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
+from airrace.procedure.planning.plan import Plan
 from airrace.procedure.result import PylonCondition, PylonSide
-from airrace.quantities import Interval
-from airrace.system import SYMBOLS, Observation, System
-from airrace.track.course import Course
-from airrace.trajectory import Array
 
 PASSING_SECONDS = 0.5
 """Time within which a pylon is passed but once, s."""

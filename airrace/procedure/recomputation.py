@@ -21,6 +21,7 @@ from airrace.optimal_control.mesh_refinement import Marks, restrict
 from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.service import SolverService
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
 from airrace.procedure.refinement import rough_limits
@@ -39,7 +40,6 @@ from airrace.procedure.stage_problem import (
 )
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.race import Race
-from airrace.trajectory import Array, Trajectory
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from airrace.optimal_control.mesh_refinement import Marks, Mesh, divide, inherited_nodes, restrict, widen
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, estimate_error, interval_durations
+from airrace.optimal_control.trajectory import Array, Indices
 from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
-from airrace.trajectory import Array, Indices
 
 SAFETY = 0.5
 """Share that a mesh is made to keep. With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes

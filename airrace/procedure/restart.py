@@ -20,11 +20,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from airrace.errors import UsageError
+from airrace.model.track.course import Course
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverPool
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.choice import fastest_of, simplest_of, with_note_on_faster
 from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.guess import concatenate, phase_piece
@@ -50,8 +52,6 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_models import StageModels, start_along
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.track.course import Course
-from airrace.trajectory import Array
 
 ITERATIONS_MAX = 60
 """The largest number of iterations of the first solve.

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.stage import Stage
-from airrace.trajectory import Array, Trajectory
 
 UNVERIFIABLE = (
     "messages",

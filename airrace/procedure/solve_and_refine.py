@@ -20,7 +20,6 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.clearance import ClosestApproach
 from airrace.procedure.certification import (
     approaches,
     certify,
@@ -30,6 +29,7 @@ from airrace.procedure.certification import (
     examine,
     failures,
 )
+from airrace.procedure.planning.clearance import ClosestApproach
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
     ADAPTATIONS_MAX,

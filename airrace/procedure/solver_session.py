@@ -22,8 +22,8 @@ from airrace.optimal_control.solvers.interface import Ending, Multipliers, Solve
 from airrace.optimal_control.solvers.messages import IterationReport
 from airrace.optimal_control.solvers.service import SolverPool, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution
-from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh
+from airrace.procedure.planning.plan import Plan
 from airrace.procedure.result import Attempt, Iteration, Progress, Silent, Timings
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.warm_start import InitialBarrier

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, ClassVar, overload
 
-from airrace.extensions import load_extensions
+from airrace.runtime.extensions import load_extensions
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 """The form of a stage's name: lower-case words, joined by hyphens."""

@@ -6,11 +6,11 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Self
 
-from airrace.control.simulation import TrackingSimulator, tracking_simulator
-from airrace.interrupts import defer_signals
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Plan, plan_from_solution
+from airrace.optimal_control.system import SYMBOLS
+from airrace.procedure.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.procedure.fidelity import Fidelity, fidelity_of
+from airrace.procedure.planning.plan import Plan, plan_from_solution
 from airrace.procedure.result import PylonCondition, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
@@ -18,7 +18,7 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, without_pilot_limits
 from airrace.procedure.warm_start import Start, map_controls, track, trimmed_start
 from airrace.race import Race
-from airrace.system import SYMBOLS
+from airrace.runtime.interrupts import defer_signals
 
 
 @dataclass(frozen=True)

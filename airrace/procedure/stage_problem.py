@@ -8,17 +8,18 @@ from typing import Self
 
 import numpy as np
 
-from airrace.aircraft import Aircraft
-from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
-from airrace.dynamics.observations import crossing_observation
-from airrace.dynamics.outer_loop import LoadFactors, load_factors
-from airrace.frames import QUATERNION, angles, rotation
+from airrace.model.aircraft import Aircraft
+from airrace.model.dynamics.flight_model import COUNTING, FlightModel, RollReset
+from airrace.model.dynamics.observations import crossing_observation
+from airrace.model.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.model.frames import QUATERNION, angles, rotation
+from airrace.model.track.course import ClearanceRule, Course, Passage, PilotLimits
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.replay import interval_durations
-from airrace.planning.plan import Plan, plan_from_solution, plan_race
-from airrace.planning.planning_model import cruise
-from airrace.planning.route_decisions import Waypoint
+from airrace.optimal_control.system import Observation, System, at_points
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.fidelity import Fidelity, fidelity_of, iterate_of, stage_model
 from airrace.procedure.formulation import (
     PilotConditions,
@@ -29,15 +30,14 @@ from airrace.procedure.formulation import (
     path_constraints,
 )
 from airrace.procedure.guess import leg_seconds
+from airrace.procedure.planning.plan import Plan, plan_from_solution, plan_race
+from airrace.procedure.planning.planning_model import cruise
+from airrace.procedure.planning.route_decisions import Waypoint
 from airrace.procedure.pylon_conditions import ClearanceConstraints
 from airrace.procedure.result import GateSplit, PylonCondition, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.system import Observation, System, at_points
-from airrace.track.course import ClearanceRule, Course, Passage, PilotLimits
-from airrace.trajectory import Array, Trajectory
 
 RESET_WEIGHT = 1e-7
 """The weight of the squared, scaled controls that wind back the counter of rolls, 1/s.

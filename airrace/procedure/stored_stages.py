@@ -11,16 +11,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import LoadFactors, load_factors
-from airrace.environment import g0
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.model.environment import g0
+from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.replay import sample
+from airrace.optimal_control.system import at_points
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.fidelity import Histories, ensure_matches_model, fidelity_of, iterate_of, stage_model
 from airrace.procedure.result import StageResult
-from airrace.quantities import Quantity
 from airrace.race import Race
-from airrace.system import at_points
-from airrace.trajectory import Array
 
 __all__ = ["Continuous", "continuous", "derived_quantities", "ensure_matches_model", "sampler"]
 

@@ -13,10 +13,10 @@ from functools import cached_property
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import plan_race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.mesh_check import check_mesh_convergence
+from airrace.procedure.planning.plan import plan_race
 from airrace.procedure.result import Silent, StageProvenance, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.single_mesh import solve_single_mesh

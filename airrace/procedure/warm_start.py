@@ -13,18 +13,18 @@ from enum import Enum
 
 import numpy as np
 
-from airrace.control.path_following import Reference, from_optimum
-from airrace.control.simulation import TrackingSimulator, follow, trim_along
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.optimal_control.trajectory import Array
+from airrace.procedure.control.path_following import Reference, from_optimum
+from airrace.procedure.control.simulation import TrackingSimulator, follow, trim_along
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance, StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage_problem import StageProblem, fractions_of, history, mesh_of
-from airrace.quantities import Quantity
-from airrace.trajectory import Array
 
 
 class InitialBarrier(Enum):

@@ -10,16 +10,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from airrace.aircraft import Aircraft
-from airrace.dynamics.flight_manual import ManualFigures, Relations, estimate, performance, under
 from airrace.errors import InputError, UsageError
-from airrace.inputs.aircraft import AircraftEntry, PublishedEntry
-from airrace.inputs.document import AIRCRAFT, SUFFIX, Document
-from airrace.inputs.inputs import DocumentReader, read_aircraft, read_named
-from airrace.inputs.schema import Schema, language_of, si_factor, validate
-from airrace.quantities import DEGREE, FOOT, KNOT, Interval
+from airrace.files.inputs.aircraft import AircraftEntry, PublishedEntry
+from airrace.files.inputs.document import AIRCRAFT, SUFFIX, Document
+from airrace.files.inputs.inputs import DocumentReader, read_aircraft, read_named
+from airrace.files.inputs.schema import Schema, language_of, si_factor, validate
+from airrace.model.aircraft import Aircraft
+from airrace.model.dynamics.flight_manual import ManualFigures, Relations, estimate, performance, under
+from airrace.optimal_control.quantities import DEGREE, FOOT, KNOT, Interval
+from airrace.pages.views.tables import Column, Table
 from airrace.runs.output import ensure_free, write_text
-from airrace.views.tables import Column, Table
 
 POUND, MILE = 0.45359237, 1609.344
 """The pound avoirdupois, kg, and the statute mile, m."""

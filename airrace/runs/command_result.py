@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from airrace import interrupts
 from airrace.errors import (
     CheckpointError,
     ClusterError,
@@ -20,10 +19,11 @@ from airrace.errors import (
     debugging,
     is_lack_of_memory,
 )
-from airrace.process import SYSTEM_ERROR
+from airrace.runtime import interrupts
+from airrace.runtime.process import SYSTEM_ERROR
 
 if TYPE_CHECKING:
-    from airrace.results import Confirmation
+    from airrace.flights.results import Confirmation
 
 
 class ExitCode(IntEnum):

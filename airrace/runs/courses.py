@@ -6,25 +6,25 @@ from importlib import resources
 from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs import Inputs, load_inputs
-from airrace.inputs.course_import import ImportRemark, sketch_course
-from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Document
-from airrace.inputs.json_schema import schema_text
-from airrace.inputs.placemarks import read_placemarks
-from airrace.inputs.rules import preset_names
-from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
+from airrace.files.inputs import Inputs, load_inputs
+from airrace.files.inputs.course_import import ImportRemark, sketch_course
+from airrace.files.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Document
+from airrace.files.inputs.json_schema import schema_text
+from airrace.files.inputs.placemarks import read_placemarks
+from airrace.files.inputs.rules import preset_names
+from airrace.flights.results import Flight
+from airrace.flights.results.clearances import Clearance
+from airrace.flights.results.planned import plan_clearances, planned_flight, remarks_on_line
+from airrace.pages.views.course_figure import course_figure
+from airrace.pages.views.course_page import course_object, course_page
+from airrace.pages.views.drawing import ensure_drawable, save_figure
+from airrace.pages.views.map_model import MapModel, map_model
+from airrace.procedure.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
 from airrace.race import Race
-from airrace.results import Flight
-from airrace.results.clearances import Clearance
-from airrace.results.planned import plan_clearances, planned_flight, remarks_on_line
 from airrace.runs.aircraft import read_aircraft_file
 from airrace.runs.json_objects import planned_object
 from airrace.runs.output import ensure_file_name, ensure_free, write_text
-from airrace.standard_streams import STANDARD, name_of
-from airrace.views.course_figure import course_figure
-from airrace.views.course_page import course_object, course_page
-from airrace.views.drawing import ensure_drawable, save_figure
-from airrace.views.map_model import MapModel, map_model
+from airrace.runtime.standard_streams import STANDARD, name_of
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _aircraft(name: str) -> ShippedAircraft:
     return ShippedAircraft(name, aircraft.name, aircraft.airframe.m)
 
 
-TEMPLATE = resources.files("airrace.inputs") / "templates" / "course.yaml"
+TEMPLATE = resources.files("airrace.files.inputs") / "templates" / "course.yaml"
 SCHEMA_FILE = "track.schema.json"
 """The name of the file that holds the JSON Schema of tracks."""
 EDITORS_LINE = "# yaml-language-server: $schema="

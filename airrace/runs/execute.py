@@ -10,14 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from airrace import interrupts
-from airrace.checkpoint import ReserveAttempt, write_checkpoint
 from airrace.errors import OutOfTime, UsageError
-from airrace.inputs.rules import ReserveEntry
+from airrace.files.checkpoint import ReserveAttempt, write_checkpoint
+from airrace.files.inputs.rules import ReserveEntry
+from airrace.flights.results.comparison import Comparison
 from airrace.procedure import procedure
 from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
-from airrace.results.comparison import Comparison
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
@@ -25,6 +24,7 @@ from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX
 from airrace.runs.run import RunState, stages_object
 from airrace.runs.verdict import is_certified, one_mesh_note, verdict
+from airrace.runtime import interrupts
 
 if TYPE_CHECKING:
     from airrace.runs.reserve import ReserveCase

@@ -11,13 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.aircraft import Aircraft
-from airrace.environment import Air, StaticWind
 from airrace.errors import UsageError
-from airrace.inputs.log_layout import read_layout, with_columns
-from airrace.logs.csv_log import ColumnLayout
-from airrace.logs.deviations import place_roundings
-from airrace.logs.identification import (
+from airrace.files.inputs.log_layout import read_layout, with_columns
+from airrace.flights.logs.csv_log import ColumnLayout
+from airrace.flights.logs.deviations import place_roundings
+from airrace.flights.logs.identification import (
     FACTORS,
     RATE_MIN,
     SAMPLES_MIN,
@@ -28,15 +26,18 @@ from airrace.logs.identification import (
     measure_roll_rate,
     recorded_path,
 )
-from airrace.logs.log_flight import LogFlight, flight_from_log
-from airrace.logs.reading import read_log
-from airrace.logs.recording import refuse
-from airrace.logs.smoothing import smooth
+from airrace.flights.logs.log_flight import LogFlight, flight_from_log
+from airrace.flights.logs.reading import read_log
+from airrace.flights.logs.recording import refuse
+from airrace.flights.logs.smoothing import smooth
+from airrace.model.aircraft import Aircraft
+from airrace.model.environment import Air, StaticWind
+from airrace.optimal_control.quantities import KNOT
+from airrace.optimal_control.trajectory import Array
+from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import Progress, Silent
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stored_stages import sampler
-from airrace.process import available_cores
-from airrace.quantities import KNOT
 from airrace.race import Race
 from airrace.runs.aircraft import Provenance, aircraft_text, read_aircraft_file
 from airrace.runs.execute import execute
@@ -51,9 +52,8 @@ from airrace.runs.plan import (
     value_texts,
 )
 from airrace.runs.run import RunState
-from airrace.standard_streams import stem_of
-from airrace.trajectory import Array
-from airrace.views.tables import Column, Table
+from airrace.runtime.process import available_cores
+from airrace.runtime.standard_streams import stem_of
 
 BOOTSTRAP_REPLICATES = 6
 """Recordings of the optimum that are fitted."""

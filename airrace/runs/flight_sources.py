@@ -9,25 +9,25 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from airrace.checkpoint import LogCheckpoint, read_stored
-from airrace.checkpoint.atomic import replace_file
 from airrace.errors import NotCertified, UsageError
-from airrace.export.formats import formats
-from airrace.export.globe import BEGIN, on_globe
-from airrace.logs.reading import is_log
+from airrace.files.checkpoint import LogCheckpoint, read_stored
+from airrace.files.checkpoint.atomic import replace_file
+from airrace.files.export.formats import formats
+from airrace.files.export.globe import BEGIN, on_globe
+from airrace.flights.logs.reading import is_log
+from airrace.flights.results import Confirmation, Flight
+from airrace.model.track.course import Origin
+from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
+from airrace.pages.views.stage_tables import claim
 from airrace.procedure.stage import Stage
-from airrace.results import Confirmation, Flight
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
 from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
-from airrace.standard_streams import stem_of
-from airrace.track.course import Origin
-from airrace.views.drawing import FORMATS, ensure_drawable, save_figure
-from airrace.views.stage_tables import claim
+from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
-    from airrace.safety.footprint import Footprint
+    from airrace.flights.safety.footprint import Footprint
 
 
 def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
@@ -142,7 +142,7 @@ def write_flights(
     """Write flights into a file, as `airrace export FORMAT` does.
 
     Args:
-        format_name: one of `airrace.export.formats.formats()`.
+        format_name: one of `airrace.files.export.formats.formats()`.
         open_them: opens the flights, at least one, once the other arguments are known to make sense.
         path: the file, which is replaced as a whole.
         rate: samples per second; None for what suits the format.
@@ -234,18 +234,18 @@ def flight_footprint(
             format needs one.
         StorageError: the system refused.
     """
-    from airrace.safety.footprint import Track, footprint_of  # takes scipy, which no reader of runs needs
+    from airrace.flights.safety.footprint import Track, footprint_of  # takes scipy, which no reader of runs needs
 
     place = None if origin is None else origin_of(origin)
     found = footprint_of(flight.race, [Track.from_flight(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
     if output is None:
         return found
-    from airrace.export.footprint import footprint_csv, footprint_geojson, footprint_kml
+    from airrace.files.export.footprint import footprint_csv, footprint_geojson, footprint_kml
 
     ensure_footprint_file(output)
     suffix = output.suffix.lower()
     if suffix in FORMATS:
-        from airrace.views.safety_views import footprint_figure
+        from airrace.pages.views.safety_views import footprint_figure
 
         save_figure(footprint_figure(found, flight), output)
     elif suffix == ".csv":
@@ -280,7 +280,7 @@ def report_of_flights(
         UsageError: a run has no such stage, or that found no flight, or a flight is of a course with other passings.
         NotCertified: sensitivities were asked for, and the stage is no certified optimum, or the first flight is a log.
     """
-    from airrace.report.flight_page import flight_page
+    from airrace.pages.report.flight_page import flight_page
 
     first = FlightName.of(names[0])
     files, flights = _open_with_files(names, stage, verify)
@@ -297,7 +297,7 @@ def report_of_flights(
 
 def log_sections(view: LogView) -> list[str]:
     """Return what a flight log knows besides its flight: passings that break rules, remarks, inputs."""
-    from airrace.report.sections import inputs_section, recording_section, violations_section
+    from airrace.pages.report.sections import inputs_section, recording_section, violations_section
 
     log = view.recorded.log
     facts = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
@@ -332,8 +332,8 @@ def _stage_page(
     run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int
 ) -> str:
     """Return the report about a stage of a run, with its flight and those beside it."""
-    from airrace.report.flight_page import flight_page
-    from airrace.report.sections import claim_section
+    from airrace.pages.report.flight_page import flight_page
+    from airrace.pages.report.sections import claim_section
 
     claimed, found = claim_of(run, view), view.confirmation or Confirmation(None)
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
@@ -371,7 +371,7 @@ def stage_sections(view: StageView, explored: StageView | None = None, *, sensit
     Raises:
         NotCertified: sensitivities were asked for, and the stage is no certified optimum.
     """
-    from airrace.report.sections import certificate_section, inputs_section, search_section, sensitivities_section
+    from airrace.pages.report.sections import certificate_section, inputs_section, search_section, sensitivities_section
 
     result = view.result
     solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"

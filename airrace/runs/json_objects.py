@@ -6,16 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from airrace.flights.results import Confirmation, Flight, ReserveState, Stamp, laps_of
+from airrace.flights.results.clearances import Clearance, NearMiss, least_distances, near_misses
+from airrace.flights.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
+from airrace.flights.results.flight import passings_around
+from airrace.flights.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
+from airrace.flights.results.time_loss import TimeLoss, time_loss
 from airrace.optimal_control.certificate import Certificate, SecondOrder
+from airrace.pages.views.comparison_tables import laps_table, lost_table
+from airrace.pages.views.stage_tables import certificate_table
 from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
-from airrace.results import Confirmation, Flight, ReserveState, Stamp, laps_of
-from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
-from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
-from airrace.results.flight import passings_around
-from airrace.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
-from airrace.results.time_loss import TimeLoss, time_loss
-from airrace.views.comparison_tables import laps_table, lost_table
-from airrace.views.stage_tables import certificate_table
 
 REASONS: Mapping[RefinementReason, str] = {
     RefinementReason.FIRST: "first mesh",

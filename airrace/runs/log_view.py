@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from airrace.checkpoint import LogCheckpoint, RawLog, StoredHistory, StoredPassing, StoredReceiver, write_log
 from airrace.errors import CheckpointError, UsageError
-from airrace.export.csv import export_flight_csv
-from airrace.inputs import Inputs, inputs_from_documents
-from airrace.logs.violations import Violation
+from airrace.files.checkpoint import LogCheckpoint, RawLog, StoredHistory, StoredPassing, StoredReceiver, write_log
+from airrace.files.export.csv import export_flight_csv
+from airrace.files.inputs import Inputs, inputs_from_documents
+from airrace.flights.logs.violations import Violation
+from airrace.flights.results import Basis, Confirmation, Flight, History, Source, TimedCrossing
+from airrace.flights.results.clearances import with_distances
+from airrace.pages.views.log_tables import passings_table, violations_table
 from airrace.procedure.result import GateSplit
-from airrace.results import Basis, Confirmation, Flight, History, Source, TimedCrossing
-from airrace.results.clearances import with_distances
 from airrace.runs.json_objects import confirmation_object, finite, legs_object, stamp_object
 from airrace.runs.output import write_or_return
 from airrace.runs.stage_data import Splits
 from airrace.runs.stored_inputs import library_versions, stored_documents, stored_inputs
-from airrace.standard_streams import stem_of
-from airrace.views.log_tables import passings_table, violations_table
+from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
-    from airrace.logs.csv_log import ColumnLayout
-    from airrace.logs.log_flight import LogFlight
+    from airrace.flights.logs.csv_log import ColumnLayout
+    from airrace.flights.logs.log_flight import LogFlight
 
 RATES = 1e-3, 1e4
 """Rows per second that may be asked for, Hz."""
@@ -61,7 +61,7 @@ class LogView:
         return float(sum(known))
 
     def flight(self, label: str | None = None) -> Flight:
-        """Return the flight; see `airrace.results`.
+        """Return the flight; see `airrace.flights.results`.
 
         Args:
             label: what people call it; None for the name of the log.
@@ -215,8 +215,8 @@ def fly_log_through(
 ) -> LogView:
     """Return a log as a flight through a course that is at hand; arguments and errors are those of `import_log`."""
     # Imported here: imported logs are read without whatever makes a flight of a log.
-    from airrace.logs.log_flight import flight_from_log
-    from airrace.logs.reading import read_log
+    from airrace.flights.logs.log_flight import flight_from_log
+    from airrace.flights.logs.reading import read_log
 
     recording = read_log(log, layout, aircraft=name)
     log_flight = flight_from_log(

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from airrace.checkpoint.atomic import replace_file, replacing
 from airrace.errors import StorageError, UsageError
-from airrace.extensions import extensions
-from airrace.inputs import Document, Inputs
-from airrace.inputs.document import AIRCRAFT, TRACKS
-from airrace.standard_streams import ONE_ON_STDOUT, STANDARD
+from airrace.files.checkpoint.atomic import replace_file, replacing
+from airrace.files.inputs import Document, Inputs
+from airrace.files.inputs.document import AIRCRAFT, TRACKS
+from airrace.runtime.extensions import extensions
+from airrace.runtime.standard_streams import ONE_ON_STDOUT, STANDARD
 
 
 @dataclass(frozen=True)

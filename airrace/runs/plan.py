@@ -7,15 +7,17 @@ from enum import Enum
 from pathlib import Path
 from typing import Self
 
-from airrace.aircraft import Aircraft
-from airrace.checkpoint import inputs_hash, read_checkpoint, stale_stages
-from airrace.environment import Air
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
-from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
-from airrace.inputs.inputs import DocumentReader, read_named
-from airrace.inputs.objects import CourseAndAir, document_of_objects
-from airrace.inputs.overrides import value_text
+from airrace.files.checkpoint import inputs_hash, read_checkpoint, stale_stages
+from airrace.files.inputs import Document, Inputs, inputs_from_documents, load_inputs
+from airrace.files.inputs.document import AIRCRAFT, TRACKS, read_document
+from airrace.files.inputs.inputs import DocumentReader, read_named
+from airrace.files.inputs.objects import CourseAndAir, document_of_objects
+from airrace.files.inputs.overrides import value_text
+from airrace.flights.results.comparison import Comparison
+from airrace.model.aircraft import Aircraft
+from airrace.model.environment import Air
+from airrace.model.track.course import Course
 from airrace.options import AircraftGiven, SettingsGiven, TrackGiven, Values
 from airrace.procedure import procedure
 from airrace.procedure.formulation import ensure_same_passings, passings_of
@@ -25,13 +27,11 @@ from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
 from airrace.race import Race
-from airrace.results.comparison import Comparison
 from airrace.runs.output import documents_of, ensure_free
 from airrace.runs.reserve_attempts import PlannedReserve, asked_text
 from airrace.runs.run import RunState, compare_stages, new_run, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import library_versions, stored_documents
-from airrace.track.course import Course
 
 logger = logging.getLogger(__name__)
 

@@ -10,21 +10,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from airrace.checkpoint import ReserveAttempt
 from airrace.errors import CheckpointError, InputError, UsageError
-from airrace.inputs.objects import is_of_objects
-from airrace.inputs.rules import FoundEntry, ReserveEntry
-from airrace.planning.parameters import course_limits
+from airrace.files.checkpoint import ReserveAttempt
+from airrace.files.inputs.objects import is_of_objects
+from airrace.files.inputs.rules import FoundEntry, ReserveEntry
+from airrace.flights.safety.monte_carlo import LOAD, Count, closed_loop_of
+from airrace.flights.safety.pilot import PilotModel
+from airrace.flights.safety.reserve import STALL, Allocation, Limit, allocate, lift_margin, limits_of
+from airrace.flights.sensitivity.lagrangian import sensitivities
+from airrace.pages.views.tables import Column, Table
+from airrace.procedure.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
 from airrace.runs.plan import Changes
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX, asked_text
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
-from airrace.safety.monte_carlo import LOAD, Count, closed_loop_of
-from airrace.safety.pilot import PilotModel
-from airrace.safety.reserve import STALL, Allocation, Limit, allocate, lift_margin, limits_of
-from airrace.sensitivity.lagrangian import sensitivities
-from airrace.views.tables import Column, Table
 
 FlyAgain = Callable[[RunState, Sequence[str]], RunState]
 """Flies a run again with some values set, as `key=value`."""

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from airrace.checkpoint import Checkpoint, StoredAttempt
-from airrace.inputs.rules import ReserveEntry
-from airrace.results import ReserveState
+from airrace.files.checkpoint import Checkpoint, StoredAttempt
+from airrace.files.inputs.rules import ReserveEntry
+from airrace.flights.results import ReserveState
 
 ATTEMPTS_MAX = 4
 """The number of times that a line is measured at most."""

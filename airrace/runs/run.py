@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
-from airrace.checkpoint import (
+from airrace.errors import CheckpointError, UsageError
+from airrace.files.checkpoint import (
     Checkpoint,
     ReserveAttempt,
     StoredAttempt,
@@ -15,14 +16,14 @@ from airrace.checkpoint import (
     stale_stages,
     write_checkpoint,
 )
-from airrace.errors import CheckpointError, UsageError
-from airrace.inputs import Inputs, inputs_from_documents
+from airrace.files.inputs import Inputs, inputs_from_documents
+from airrace.flights.results import Confirmation, Flight
+from airrace.flights.results.comparison import Comparison, compare_flights
+from airrace.pages.views.plain_text import one_line
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.race import Race
-from airrace.results import Confirmation, Flight
-from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, stamp_object, warnings_object
 from airrace.runs.reserve_attempts import attempts_of
 from airrace.runs.stage_data import Splits
@@ -35,7 +36,6 @@ from airrace.runs.stored_inputs import (
     stored_inputs,
 )
 from airrace.runs.verdict import downgrade_stale, is_certified, run_line, verdict
-from airrace.views.plain_text import one_line
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,13 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.errors import UsageError
-from airrace.procedure.result import StageResult
-from airrace.quantities import KNOT
-from airrace.race import Race
-from airrace.runs.output import write_text
-from airrace.runs.verdict import verdict
-from airrace.safety.disturbances import Gusts, Scatter
-from airrace.safety.monte_carlo import (
+from airrace.flights.safety.disturbances import Gusts, Scatter
+from airrace.flights.safety.monte_carlo import (
     CONTACT,
     LOAD,
     QUANTITIES,
@@ -23,8 +18,13 @@ from airrace.safety.monte_carlo import (
     fewest,
     fly_closed_loop,
 )
-from airrace.safety.pilot import PilotModel
-from airrace.views.tables import Column, Table, Value
+from airrace.flights.safety.pilot import PilotModel
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.views.tables import Column, Table, Value
+from airrace.procedure.result import StageResult
+from airrace.race import Race
+from airrace.runs.output import write_text
+from airrace.runs.verdict import verdict
 
 _DEGREES = 180.0 / math.pi
 _UNITS = {
@@ -187,7 +187,7 @@ def fly_safety_case(
     Args:
         race, result: what is simulated.
         label: what people call it.
-        flights, seed, threads: see `airrace.safety.monte_carlo.fly_closed_loop`.
+        flights, seed, threads: see `airrace.flights.safety.monte_carlo.fly_closed_loop`.
         gusts: `none`, `light`, `moderate` or `severe`.
         errors: standard deviations of the wind (kt), mass, power and density (%), and of the time of rolls (s).
         delay: of the pilot, s.

@@ -9,14 +9,21 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from airrace.checkpoint import StoredDocument, inputs_hash
-from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
-from airrace.inputs.inputs import sources_of
-from airrace.inputs.variation import Variation
-from airrace.quantities import KNOT
-from airrace.report.browser import browser_path, print_pdf
-from airrace.report.document import (
+from airrace.files.checkpoint import StoredDocument, inputs_hash
+from airrace.files.checkpoint.atomic import replace_file
+from airrace.files.inputs.inputs import sources_of
+from airrace.files.inputs.variation import Variation
+from airrace.flights.results import Flight
+from airrace.flights.results.clearances import least_distances, near_misses
+from airrace.flights.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
+from airrace.flights.safety.closed_loop import LOST
+from airrace.flights.safety.evaluation import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
+from airrace.flights.safety.footprint import Footprint, Track, footprint_of
+from airrace.flights.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewest
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.report.browser import browser_path, print_pdf
+from airrace.pages.report.document import (
     chapter,
     document_page,
     facts_block,
@@ -26,9 +33,17 @@ from airrace.report.document import (
     signature_block,
     table_block,
 )
-from airrace.results import Flight
-from airrace.results.clearances import least_distances, near_misses
-from airrace.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
+from airrace.pages.views.drawing import Figure, ensure_drawable, figure_address, save_figure
+from airrace.pages.views.plain_text import escape_html
+from airrace.pages.views.safety_views import (
+    envelope_figure,
+    falls_table,
+    footprint_facts,
+    footprint_figure,
+    people_table,
+)
+from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
+from airrace.pages.views.tables import Column, Table, Value
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
 from airrace.runs.run import RunState
@@ -36,22 +51,7 @@ from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import current_versions
-from airrace.safety.closed_loop import LOST
-from airrace.safety.evaluation import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
-from airrace.safety.footprint import Footprint, Track, footprint_of
-from airrace.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewest
-from airrace.standard_streams import STANDARD
-from airrace.views.drawing import Figure, ensure_drawable, figure_address, save_figure
-from airrace.views.plain_text import escape_html
-from airrace.views.safety_views import (
-    envelope_figure,
-    falls_table,
-    footprint_facts,
-    footprint_figure,
-    people_table,
-)
-from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
-from airrace.views.tables import Column, Table, Value
+from airrace.runtime.standard_streams import STANDARD
 
 NUMBERS = (".csv", ".json")
 DOCUMENTS = (".html", ".pdf")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from airrace.errors import InputError, UsageError
-from airrace.inputs.air import Wind, overrides_of, winds_named
+from airrace.files.inputs.air import Wind, overrides_of, winds_named
+from airrace.flights.safety.monte_carlo import LOAD, Count
+from airrace.pages.views.tables import Cell, Column, Table, Value
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase
-from airrace.safety.monte_carlo import LOAD, Count
-from airrace.views.tables import Cell, Column, Table, Value
 
 R = TypeVar("R", bound=RunState)
 

@@ -7,14 +7,14 @@ from types import TracebackType
 from typing import Self
 
 from airrace.errors import UsageError
-from airrace.inputs import Document, Inputs
+from airrace.files.inputs import Document, Inputs
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_stage import WarmStage
-from airrace.process import available_cores
 from airrace.runs.plan import Changes, Values, value_texts
 from airrace.runs.run import RunState, open_run
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import current_versions
+from airrace.runtime.process import available_cores
 
 BY_OTHER_COMMANDS = "`airrace batch --sweep` and `airrace resume --set` solve with others"
 

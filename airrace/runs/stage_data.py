@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from airrace.errors import UsageError
-from airrace.inputs import Inputs
-from airrace.parameters import ParameterGroup
+from airrace.files.inputs import Inputs
+from airrace.flights.results import Flight
+from airrace.flights.results.cues import Cue, cues_of
+from airrace.flights.sensitivity import Sensitivity
+from airrace.model.parameters import ParameterGroup
+from airrace.pages.report.sensitivity_tables import sensitivities_table
+from airrace.pages.views.stage_tables import NOTE, action_table, cue_table, cue_text, place_text, splits_table
+from airrace.pages.views.tables import RACE, Table, Units
 from airrace.procedure.result import GateSplit, StageResult
-from airrace.report.sensitivity_tables import sensitivities_table
-from airrace.resources import extra
-from airrace.results import Flight
-from airrace.results.cues import Cue, cues_of
 from airrace.runs.json_objects import flight_object
 from airrace.runs.output import write_text
-from airrace.sensitivity import Sensitivity
-from airrace.views.stage_tables import NOTE, action_table, cue_table, cue_text, place_text, splits_table
-from airrace.views.tables import RACE, Table, Units
+from airrace.runtime.resources import extra
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -235,8 +235,10 @@ def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = No
         UsageError: there is no such group, or course or aircraft were built in Python.
         NotCertified: the stage is no optimum, certified or solved.
     """
-    from airrace.inputs.variation import Variation
-    from airrace.sensitivity.lagrangian import sensitivities  # takes compiled functions, which no reader of runs needs
+    from airrace.files.inputs.variation import Variation
+    from airrace.flights.sensitivity.lagrangian import (
+        sensitivities,  # takes compiled functions, which no reader of runs needs
+    )
 
     known = {group.value: group for group in ParameterGroup}
     if by is not None and by not in known:

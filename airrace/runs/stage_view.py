@@ -9,24 +9,14 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from airrace.errors import CheckpointError, NotCertified, UsageError
-from airrace.export.csv import Provenance, export_csv
-from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
-from airrace.inputs import Inputs
-from airrace.optimal_control.certificate import Certificate
-from airrace.procedure import stored_stages
-from airrace.procedure.result import StageResult
-from airrace.procedure.stage import Stage
-from airrace.race import Race
-from airrace.results import Confirmation, Flight, Source, flight_of
-from airrace.results.clearances import distance_columns, with_distances
-from airrace.results.derivation import table_columns
-from airrace.results.stamp import Stamp
-from airrace.runs.json_objects import stage_object, stamp_object
-from airrace.runs.output import write_or_return
-from airrace.runs.reserve_attempts import reserve_state
-from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
-from airrace.runs.verdict import downgrade_stale, run_line, verdict
-from airrace.safety.disturbances import (
+from airrace.files.export.csv import Provenance, export_csv
+from airrace.files.export.flight_table import Derived, FlightTable, Sampler, flight_table
+from airrace.files.inputs import Inputs
+from airrace.flights.results import Confirmation, Flight, Source, flight_of
+from airrace.flights.results.clearances import distance_columns, with_distances
+from airrace.flights.results.derivation import table_columns
+from airrace.flights.results.stamp import Stamp
+from airrace.flights.safety.disturbances import (
     DENSITY_ERROR_PERCENT,
     MASS_ERROR_PERCENT,
     PILOT_DELAY,
@@ -34,19 +24,29 @@ from airrace.safety.disturbances import (
     ROLL_TIMING,
     WIND_ERROR_KT,
 )
-from airrace.trajectory import Trajectory
-from airrace.views.map_model import by_speed, map_model
-from airrace.views.plain_text import escape_html, one_line
-from airrace.views.plan_svg import plan_svg
-from airrace.views.stage_tables import certificate_table, stages_table
+from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.trajectory import Trajectory
+from airrace.pages.views.map_model import by_speed, map_model
+from airrace.pages.views.plain_text import escape_html, one_line
+from airrace.pages.views.plan_svg import plan_svg
+from airrace.pages.views.stage_tables import certificate_table, stages_table
+from airrace.procedure import stored_stages
+from airrace.procedure.result import StageResult
+from airrace.procedure.stage import Stage
+from airrace.race import Race
+from airrace.runs.json_objects import stage_object, stamp_object
+from airrace.runs.output import write_or_return
+from airrace.runs.reserve_attempts import reserve_state
+from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
+from airrace.runs.verdict import downgrade_stale, run_line, verdict
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+    from airrace.flights.results.duals import ConstraintMultipliers, NamedArray
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
-    from airrace.results.duals import ConstraintMultipliers, NamedArray
     from airrace.runs.safety_case import SafetyCase
 
 
@@ -151,12 +151,12 @@ class StageView:
 
     @property
     def costates(self) -> "NamedArray":
-        """The costates at the ends of the intervals, s per unit of each state; see `airrace.results.duals` for signs.
+        """The costates at the ends of the intervals, s per unit of each state; signs as in `flights.results.duals`.
 
         Raises:
             NotCertified: the stage is no optimum.
         """
-        from airrace.results.duals import costates  # takes the problem, which no reader of runs needs
+        from airrace.flights.results.duals import costates  # takes the problem, which no reader of runs needs
 
         problem, _ = self._discretised
         return costates(problem, self.result)
@@ -164,7 +164,7 @@ class StageView:
     @property
     def hamiltonian(self) -> "NamedArray":
         """The Hamiltonian at the ends of the intervals, -1 along an optimum; errors as of `costates`."""
-        from airrace.results.duals import hamiltonian  # takes the problem, which no reader of runs needs
+        from airrace.flights.results.duals import hamiltonian  # takes the problem, which no reader of runs needs
 
         problem, iterate = self._discretised
         return hamiltonian(problem, iterate, self.result)
@@ -172,7 +172,7 @@ class StageView:
     @property
     def multipliers(self) -> "ConstraintMultipliers":
         """The multipliers of all limits along the path and at passages, s per unit; errors as of `costates`."""
-        from airrace.results.duals import multipliers  # takes the problem, which no reader of runs needs
+        from airrace.flights.results.duals import multipliers  # takes the problem, which no reader of runs needs
 
         problem, _ = self._discretised
         return multipliers(problem, self.result)
@@ -188,12 +188,12 @@ class StageView:
     def _discretised(self) -> "tuple[Problem, Iterate]":
         if self.result.certificate is None:
             raise NotCertified(f"{self.name} is no optimum: it has no multipliers")
-        from airrace.results.duals import discretise
+        from airrace.flights.results.duals import discretise
 
         return discretise(self.inputs.race, self.inputs.settings, self.result)
 
     def flight(self, label: str | None = None) -> Flight:
-        """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.results`.
+        """Return the flight with all histories that follow from it, and its gate crossings; see `flights.results`.
 
         Args:
             label: what people call it; None for the track's name and the stage.
@@ -259,7 +259,7 @@ class StageView:
         Raises:
             UsageError: pandas is not installed, or the rate cannot be exported.
         """
-        from airrace.export.flight_table import flight_frame
+        from airrace.files.export.flight_table import flight_frame
 
         return flight_frame(self._flight(rate))
 
@@ -272,7 +272,7 @@ class StageView:
         Raises:
             UsageError: xarray is not installed, or the rate cannot be exported.
         """
-        from airrace.export.netcdf import flight_dataset
+        from airrace.files.export.netcdf import flight_dataset
 
         return flight_dataset(self._flight(rate), self.result, self._provenance)
 

@@ -4,9 +4,9 @@ import json
 import platform
 from importlib.metadata import version
 
-from airrace.checkpoint import StoredDocument, StoredInputs
-from airrace.extensions import extension_versions
-from airrace.inputs import Document, Inputs
+from airrace.files.checkpoint import StoredDocument, StoredInputs
+from airrace.files.inputs import Document, Inputs
+from airrace.runtime.extensions import extension_versions
 
 
 def stored_inputs(inputs: Inputs) -> StoredInputs:

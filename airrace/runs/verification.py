@@ -15,25 +15,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.errors import CheckpointError, InputError, NotCertified, SolverCrash
-from airrace.logs.recording import Recording
-from airrace.logs.violations import Violation
+from airrace.flights.logs.recording import Recording
+from airrace.flights.logs.violations import Violation
+from airrace.flights.results import Confirmation
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
+from airrace.optimal_control.quantities import Quantity
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure import procedure
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.procedure import wanted_stages
 from airrace.procedure.result import HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
-from airrace.quantities import Quantity
-from airrace.results import Confirmation
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
 from airrace.runs.run import RunState
 from airrace.runs.stored_inputs import current_versions, library_versions
-from airrace.trajectory import Array
 
 if TYPE_CHECKING:
-    from airrace.logs.log_flight import LogFlight
+    from airrace.flights.logs.log_flight import LogFlight
 
 
 ROUNDING = 1e-6
@@ -522,7 +522,7 @@ def flight_again(view: LogView) -> "LogFlight":
     Raises:
         InputError: none does.
     """
-    from airrace.logs.log_flight import flight_of_part  # takes what smooths, which runs do not need
+    from airrace.flights.logs.log_flight import flight_of_part  # takes what smooths, which runs do not need
 
     log = view.recorded.log
     if missing := [name for name in ("x", "y", "height") if name not in log.columns]:

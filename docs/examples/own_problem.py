@@ -1,9 +1,9 @@
 """The engine on a problem of its own: move a mass by one metre, from rest to rest, in the least time."""
 
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.solve import solve
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.system import system_of
 
 exactly = Interval.exactly
 

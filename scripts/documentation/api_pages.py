@@ -5,17 +5,17 @@ import inspect
 import airrace
 
 MODULES = {
-    "Exports": ("airrace.export",),
-    "Sensitivities": ("airrace.sensitivity",),
-    "Checkpoints": ("airrace.checkpoint",),
+    "Exports": ("airrace.files.export",),
+    "Sensitivities": ("airrace.flights.sensitivity",),
+    "Checkpoints": ("airrace.files.checkpoint",),
     "Fidelities and kinds of gates": (
         "airrace.procedure.fidelity",
-        "airrace.track.element",
-        "airrace.inputs.kinds.kind",
+        "airrace.model.track.element",
+        "airrace.files.inputs.kinds.kind",
     ),
     "Problems of one's own": (
-        "airrace.system",
-        "airrace.quantities",
+        "airrace.optimal_control.system",
+        "airrace.optimal_control.quantities",
         "airrace.optimal_control.problem",
         "airrace.optimal_control.solve",
     ),

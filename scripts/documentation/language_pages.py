@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from enum import Enum
 from typing import Any
 
-from airrace.inputs.json_schema import LANGUAGES, json_schema
-from airrace.inputs.schema import Schema
-from airrace.inputs.settings import CertificateEntry, MeshEntry, SettingsEntry, SolverEntry
+from airrace.files.inputs.json_schema import LANGUAGES, json_schema
+from airrace.files.inputs.schema import Schema
+from airrace.files.inputs.settings import CertificateEntry, MeshEntry, SettingsEntry, SolverEntry
 from airrace.procedure.settings import Settings
 
 # Any: JSON of any shape.

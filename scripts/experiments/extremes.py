@@ -18,7 +18,7 @@ from pathlib import Path
 from robustness import COMMAND, Ran, Record, choice_of, environment, outcome, play_study
 
 from airrace.errors import InputError
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
 
 WAIT = 30.0  # s, which any course may take
 TIMES = 1.5  # as many seconds as this times the race time (without one, the planned time) may be taken as well

@@ -19,7 +19,7 @@ import numpy as np
 
 import airrace
 import airrace.runs.fit as fitting
-from airrace.aircraft import Aircraft
+from airrace.model.aircraft import Aircraft
 from airrace.api.run import Run
 from airrace.procedure.stored_stages import sampler
 from airrace.runs.aircraft import read_aircraft_file

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 from robustness import ROOT, SMALL, Ran, Record, Study, choice_of, inside, options, outcome, peak_memory
 
-from airrace.checkpoint.store import seal, unseal
+from airrace.files.checkpoint.store import seal, unseal
 
 LONGEST = 5.0  # s
 MEMORY = 1024.0  # MB

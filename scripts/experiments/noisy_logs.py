@@ -28,12 +28,12 @@ import numpy as np
 import airrace
 from airrace.api.run import Run
 from airrace.errors import InputError
-from airrace.logs.csv_log import ColumnLayout
-from airrace.logs.log_flight import LogFlight, flight_from_log
-from airrace.logs.reading import read_log
-from airrace.logs.violations import height_window
+from airrace.flights.logs.csv_log import ColumnLayout
+from airrace.flights.logs.log_flight import LogFlight, flight_from_log
+from airrace.flights.logs.reading import read_log
+from airrace.flights.logs.violations import height_window
 from airrace.procedure.stored_stages import sampler
-from airrace.results import Flight, TimedCrossing
+from airrace.flights.results import Flight, TimedCrossing
 
 LEAD = 4.0
 """The time of straight flight before the start and behind the finish, s."""

@@ -18,17 +18,17 @@ import random
 import numpy as np
 
 import airrace
-from airrace.dynamics.point_mass import PointMassState
-from airrace.environment import g0
-from airrace.frames import angles, quaternion, rotation
-from airrace.inputs import load_inputs
+from airrace.model.dynamics.point_mass import PointMassState
+from airrace.model.environment import g0
+from airrace.model.frames import angles, quaternion, rotation
+from airrace.files.inputs import load_inputs
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.race import Race
-from airrace.planning.plan import (PlannedLeg, plan)
-from airrace.planning.planning_model import PlanningModel, cruise
+from airrace.procedure.planning.plan import (PlannedLeg, plan)
+from airrace.procedure.planning.planning_model import PlanningModel, cruise
 from airrace.procedure.guess import align_quaternions, first_mesh, guess
 from airrace.procedure.result import Silent
 from airrace.procedure.settings import Settings
@@ -37,7 +37,7 @@ from airrace.procedure.solve_and_refine import (solve_with_refinement)
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, formulate
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 RADIUS = (0.3, 1.0)  # of the usual plan's
 SPEED = (0.8, 1.05)

@@ -13,9 +13,9 @@ import numpy as np
 
 import airrace
 from airrace.api.run import Run
-from airrace.logs.log_flight import flight_from_log
-from airrace.logs.identification import RollRate, measure_roll_rate
-from airrace.logs.reading import read_log
+from airrace.flights.logs.log_flight import flight_from_log
+from airrace.flights.logs.identification import RollRate, measure_roll_rate
+from airrace.flights.logs.reading import read_log
 
 NOISE = 1.5
 ROLL_NOISES = (0.0, 1.0, 2.0)

@@ -14,10 +14,10 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from airrace.checkpoint import read_checkpoint
+from airrace.files.checkpoint import read_checkpoint
 from airrace.errors import InputError
-from airrace.inputs import Inputs, load_inputs
-from airrace.inputs.variation import Variation
+from airrace.files.inputs import Inputs, load_inputs
+from airrace.files.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.race import Race
@@ -30,8 +30,8 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.runs.run import run_of_checkpoint
-from airrace.sensitivity.lagrangian import (sensitivities, CHANGE_SHARE)
-from airrace.sensitivity import Activity, Sensitivity
+from airrace.flights.sensitivity.lagrangian import (sensitivities, CHANGE_SHARE)
+from airrace.flights.sensitivity import Activity, Sensitivity
 
 WIDER = 50.0  # than the step of a sensitivity
 TOLERANCE = 1e-9

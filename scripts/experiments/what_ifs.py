@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import airrace
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 

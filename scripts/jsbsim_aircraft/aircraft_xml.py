@@ -26,10 +26,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, indent
 
-from airrace.aircraft import InnerLoopParameters
-from airrace.dynamics.aerodynamics import STALL_BLEND
-from airrace.environment import RHO_ISA, g0
-from airrace.quantities import FOOT
+from airrace.model.aircraft import InnerLoopParameters
+from airrace.model.dynamics.aerodynamics import STALL_BLEND
+from airrace.model.environment import RHO_ISA, g0
+from airrace.optimal_control.quantities import FOOT
 
 POUND = 0.45359237
 """The pound of mass, kg, exactly."""
@@ -73,7 +73,7 @@ def square(term: Term) -> Element:
 
 
 def smooth_clip(term: Term, lower: Term, upper: Term, width: float) -> Element:
-    """Return the term rounded off at two limits, as `airrace.frames.smooth_clip` does."""
+    """Return the term rounded off at two limits, as `airrace.model.frames.smooth_clip` does."""
 
     def distance(limit: Term) -> Element:
         return formula("sqrt", formula("sum", square(formula("difference", term, limit)), width * width))

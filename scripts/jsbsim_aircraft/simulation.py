@@ -25,15 +25,15 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.aircraft import InnerLoopParameters
-from airrace.dynamics.limits import SurfaceControl
-from airrace.dynamics.rigid_body import rotation_to_body
-from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment import T_ISA, Air, AtmosphereParameters, Weather, WindField, density, g0
 from airrace.errors import UsageError
-from airrace.frames import angles, rotation
-from airrace.quantities import DEGREE, FOOT
-from airrace.trajectory import Array, Trajectory
+from airrace.model.aircraft import InnerLoopParameters
+from airrace.model.dynamics.limits import SurfaceControl
+from airrace.model.dynamics.rigid_body import rotation_to_body
+from airrace.model.dynamics.six_dof import SixDofState, six_dof
+from airrace.model.environment import T_ISA, Air, AtmosphereParameters, Weather, WindField, density, g0
+from airrace.model.frames import angles, rotation
+from airrace.optimal_control.quantities import DEGREE, FOOT
+from airrace.optimal_control.trajectory import Array, Trajectory
 from jsbsim_aircraft.aircraft_xml import (
     DENSITY,
     MOVED,

@@ -8,11 +8,11 @@ import numpy as np
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import PreparedProblem
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation, column, named_symbols
+from airrace.optimal_control.system import Observation, column, named_symbols
 from peers.measured import Answer, Flight
 from peers.race import Gate, Race, crossing
 

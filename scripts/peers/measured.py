@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.optimal_control.replay import integrate
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 from peers.race import Race
 
 TOLERANCE = 1e-12  # relative, and of a state's scale

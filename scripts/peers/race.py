@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.point_mass import build_point_mass
-from airrace.environment import Air
-from airrace.inputs import load_inputs
-from airrace.trajectory import Array
+from airrace.files.inputs import load_inputs
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.point_mass import build_point_mass
+from airrace.model.environment import Air
+from airrace.optimal_control.trajectory import Array
 
 ROOT = Path(__file__).resolve().parents[2]
 Scalar = Any  # an expression of whichever tool

@@ -24,10 +24,10 @@ from airrace.cli.answer import render
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
-from airrace.environment import StaticWind
-from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
-from airrace.results.planned import planned_flight, remarks_on_line
-from airrace.views.map_model import map_model
+from airrace.flights.results.planned import planned_flight, remarks_on_line
+from airrace.model.environment import StaticWind
+from airrace.pages.views.map_model import map_model
+from airrace.procedure.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
@@ -192,7 +192,7 @@ def test_a_drawing_that_cannot_be_written_is_refused(tmp_path: Path, name: str, 
 
 
 def test_without_matplotlib_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("airrace.views.drawing.find_spec", lambda name: None)
+    monkeypatch.setattr("airrace.pages.views.drawing.find_spec", lambda name: None)
     ran = CliRunner().invoke(app, ["check", str(SHIPPED[0]), "--plot", str(tmp_path / "a.png")])
     assert ran.exit_code == 2
     assert "pip install 'airrace[plot]'" in ran.stderr

@@ -17,8 +17,8 @@ import pytest
 from command import Ran, run
 from waiting import PATIENCE
 
-from airrace.checkpoint import read_checkpoint, write_checkpoint
-from airrace.inputs import load_inputs
+from airrace.files.checkpoint import read_checkpoint, write_checkpoint
+from airrace.files.inputs import load_inputs
 from airrace.runs.execute import run_lock
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ import pytest
 from airrace.cli.completion import complete_aircraft as aircraft
 from airrace.cli.completion import complete_stage as stages
 from airrace.cli.completion import complete_track as tracks
-from airrace.inputs.document import AIRCRAFT, TRACKS
+from airrace.files.inputs.document import AIRCRAFT, TRACKS
 from airrace.procedure.stage import STAGES
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from command import run
 
-from airrace.report import film
+from airrace.pages.report import film
 
 
 @pytest.mark.parametrize("name", ["", ".", "/", "./"])

@@ -13,7 +13,7 @@ import typer.main
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.report import film
+from airrace.pages.report import film
 
 ROOT = Path(__file__).parents[2]
 RUN = "run.h5"

@@ -14,19 +14,19 @@ from command import run
 from fake_optimizer import stage_result
 
 import airrace
-from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_screen
 from airrace.cli.answer import render
 from airrace.cli.run_tables import ROUTES_MAX
-from airrace.inputs import load_inputs
+from airrace.files.checkpoint import read_checkpoint
+from airrace.files.inputs import load_inputs
+from airrace.flights.results import Flight
+from airrace.flights.results.clearances import Clearance, NearMiss
+from airrace.pages.views.stage_tables import search_table
 from airrace.procedure import procedure
 from airrace.procedure.result import Route, SearchReport, StageResult
 from airrace.procedure.stage import Stage
-from airrace.results import Flight
-from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import json_objects
 from airrace.runs.json_objects import run_object, stage_object
-from airrace.views.stage_tables import search_table
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
 PASSINGS = [passage.name for passage in load_inputs(TRACK).race.course.passages]

@@ -16,16 +16,16 @@ from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
 from airrace.cli.run_tables import items_table, mesh_table
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
-from airrace.inputs import load_inputs
-from airrace.inputs.document import TRACKS
+from airrace.files.inputs import load_inputs
+from airrace.files.inputs.document import TRACKS
+from airrace.flights.sensitivity import Activity, Sensitivity
+from airrace.model.parameters import ParameterGroup
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.parameters import ParameterGroup
+from airrace.pages.views.stage_tables import splits_table, stages_table
+from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import MeshRecord, RefinementReason, StageProvenance, Status
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
-from airrace.sensitivity import Activity, Sensitivity
-from airrace.views.stage_tables import splits_table, stages_table
-from airrace.views.tables import Column, Table
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 

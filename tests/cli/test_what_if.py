@@ -7,8 +7,8 @@ import fake_optimizer
 import pytest
 from command import run as airrace
 
-from airrace.checkpoint import read_checkpoint, write_checkpoint
-from airrace.inputs import load_inputs
+from airrace.files.checkpoint import read_checkpoint, write_checkpoint
+from airrace.files.inputs import load_inputs
 from airrace.procedure import procedure
 from airrace.procedure.result import Status
 from airrace.procedure.stage import Stage

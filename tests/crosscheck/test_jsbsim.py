@@ -24,13 +24,13 @@ from jsbsim_aircraft.simulation import (
 )
 from scipy.integrate import solve_ivp
 
-from airrace.aircraft import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.limits import SurfaceControl
-from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment import Air, AtmosphereParameters, Weather, atmosphere_parameters, density
-from airrace.frames import quaternion
-from airrace.inputs import load_inputs
-from airrace.trajectory import Array, Trajectory
+from airrace.files.inputs import load_inputs
+from airrace.model.aircraft import InnerLoopParameters, inner_loop_parameters
+from airrace.model.dynamics.limits import SurfaceControl
+from airrace.model.dynamics.six_dof import SixDofState, six_dof
+from airrace.model.environment import Air, AtmosphereParameters, Weather, atmosphere_parameters, density
+from airrace.model.frames import quaternion
+from airrace.optimal_control.trajectory import Array, Trajectory
 
 ROOT = Path(__file__).parents[2]
 STANDARD = atmosphere_parameters(Air())

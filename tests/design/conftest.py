@@ -1,6 +1,5 @@
 """A designer of a short course; its sessions solve nothing unless a test asks for real ones."""
 
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,8 +9,6 @@ from three_gates import COURSE
 from airrace.design import designer
 from airrace.design.designer import Designer
 from airrace.errors import UsageError
-
-sys.path.append(str(Path(__file__).parents[1] / "report"))  # how pages are opened in a browser
 
 
 class IdleSession:

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from airrace.design.edits import Edit, Insert, Put, Remove, edit_document
 from airrace.errors import UsageError
-from airrace.inputs import Document
-from airrace.inputs.yaml_reader import read_yaml
+from airrace.files.inputs import Document
+from airrace.files.inputs.yaml_reader import read_yaml
 
 TEXT = """\
 # A course.

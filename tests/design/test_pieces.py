@@ -11,7 +11,7 @@ from three_gates import COURSE
 from airrace.design.designer import Designer, TrackFile
 from airrace.design.pieces import layout_of
 from airrace.errors import InputError, UsageError
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
 
 
 def does(designer: Designer, what: str, **said: object) -> list[str]:

@@ -21,12 +21,12 @@ import yaml
 from pages import DOCS, PAGES, ROOT, Block, blocks, languages, name_of, shell_lines
 
 from airrace.cli.main import app
-from airrace.export import formats
-from airrace.inputs import Document, load_inputs
-from airrace.inputs.json_schema import LANGUAGES, json_schema
-from airrace.inputs.log_layout import read_layout
-from airrace.inputs.schema import read_entry
-from airrace.inputs.settings import BatchEntry
+from airrace.files.export import formats
+from airrace.files.inputs import Document, load_inputs
+from airrace.files.inputs.json_schema import LANGUAGES, json_schema
+from airrace.files.inputs.log_layout import read_layout
+from airrace.files.inputs.schema import read_entry
+from airrace.files.inputs.settings import BatchEntry
 
 ENDS = ("|", ">", "&&", ";", "&")
 """Where the shell takes over from the command."""
@@ -140,7 +140,9 @@ def test_every_part_of_a_file_in_the_pages_is_valid(block: Block) -> None:
 @pytest.mark.parametrize("block", EXTENDED, ids=str)
 def test_every_part_that_needs_an_extension_is_valid_with_it_alone(block: Block) -> None:
     extension = ROOT / block.comment.removeprefix(WITH)
-    program = "import json; from airrace.inputs.json_schema import json_schema; print(json.dumps(json_schema('track')))"
+    program = (
+        "import json; from airrace.files.inputs.json_schema import json_schema; print(json.dumps(json_schema('track')))"
+    )
     environment = {**os.environ, "AIRRACE_EXTENSIONS": str(extension)}
     told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
     part = yaml.safe_load(block.text)
@@ -185,8 +187,8 @@ LIMIT = """
 import sys
 from pathlib import Path
 
-from airrace.inputs import load_inputs
-from airrace.dynamics.limits import flight_limits
+from airrace.files.inputs import load_inputs
+from airrace.model.dynamics.limits import flight_limits
 
 race = load_inputs(Path(sys.argv[1]), overrides=[sys.argv[2]]).race
 print(flight_limits(race.aircraft, race.course.rules).V_K.upper * 3600 / 1852)
@@ -218,7 +220,7 @@ def test_a_speed_limit_is_added_as_the_page_says(package: Path) -> None:
 
 def test_a_change_that_does_not_fit_is_found(package: Path) -> None:
     with pytest.raises(AssertionError, match=r"limits\.py"):
-        changed("--- airrace/dynamics/limits.py\n@@\n-        V_K=nothing\n+        V_K=1\n", package)
+        changed("--- airrace/model/dynamics/limits.py\n@@\n-        V_K=nothing\n+        V_K=1\n", package)
 
 
 NOT_RUN = "not run: "

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from pages import DOCS, ROOT
 
-from airrace.inputs import Document, load_inputs
-from airrace.inputs.schema import read_entry
-from airrace.inputs.settings import BatchEntry
+from airrace.files.inputs import Document, load_inputs
+from airrace.files.inputs.schema import read_entry
+from airrace.files.inputs.settings import BatchEntry
 
 EXAMPLES = DOCS / "examples"
 FAST = {"first_flight.py", "own_problem.py", "read_hdf5.py"}

@@ -9,12 +9,12 @@ import pytest
 import yaml
 from pages import DOCS, README, ROOT
 
-from airrace.checkpoint import ReserveAttempt, read_checkpoint, store, write_checkpoint
-from airrace.checkpoint.log_layout import LOG_SCHEMA
-from airrace.checkpoint.run_layout import SCHEMA
-from airrace.inputs import load_inputs
-from airrace.inputs.json_schema import LANGUAGES
-from airrace.inputs.rules import PresetEntry
+from airrace.files.checkpoint import ReserveAttempt, read_checkpoint, store, write_checkpoint
+from airrace.files.checkpoint.log_layout import LOG_SCHEMA
+from airrace.files.checkpoint.run_layout import SCHEMA
+from airrace.files.inputs import load_inputs
+from airrace.files.inputs.json_schema import LANGUAGES
+from airrace.files.inputs.rules import PresetEntry
 
 TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
 CHECKPOINT = (DOCS / "reference" / "checkpoint.md").read_text(encoding="utf-8")

@@ -16,8 +16,8 @@ from pages import DOCS, ROOT, build
 
 import airrace
 from airrace.cli.main import app
-from airrace.inputs import load_inputs
-from airrace.inputs.json_schema import LANGUAGES, json_schema
+from airrace.files.inputs import load_inputs
+from airrace.files.inputs.json_schema import LANGUAGES, json_schema
 
 LOADING = {
     "audio": "src",

@@ -3,18 +3,17 @@
 p_Kbar' = (p_cmd - p_Kbar) / TAU
 """
 
-from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters
-from airrace.control.dynamic_inversion import InnerController, Plant, within_bounds
-from airrace.dynamics.aerodynamics import LoadFactorPath
-from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.limits import load_factor_bounds, symmetric
-from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
-from airrace.environment import Air, Weather
-from airrace.frames import Scalar
+from airrace.model.aircraft import Aircraft, AircraftParameters, aircraft_parameters
+from airrace.model.dynamics.aerodynamics import LoadFactorPath
+from airrace.model.dynamics.flight_model import FlightModel, assemble
+from airrace.model.dynamics.limits import load_factor_bounds, symmetric
+from airrace.model.dynamics.point_mass import PointMassControl, PointMassState, point_mass
+from airrace.model.environment import Air, Weather
+from airrace.model.track.course import Rules
+from airrace.optimal_control.quantities import Quantity, Scalar, T, Vector, quantity, vector
+from airrace.procedure.control.dynamic_inversion import InnerController, Plant, within_bounds
 from airrace.procedure.fidelity import Fidelity, register
 from airrace.procedure.stage import Stage
-from airrace.quantities import Quantity, T, Vector, quantity, vector
-from airrace.track.course import Rules
 
 TAU = 0.08
 """The time constant of the roll, s."""

@@ -12,13 +12,13 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
-from airrace.elementary import sqrt
-from airrace.inputs.kinds.kind import CompositeElement, ElementPart, GateDefaultsEntry, KindEntry, register
-from airrace.inputs.places import Azimuth, Height, PlacedEntry, Places
-from airrace.parameters import Parameter, attribute_parameter
-from airrace.quantities import Interval, Quantity
-from airrace.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
-from airrace.track.gates import NOT_POSITIVE, ZERO, offsets
+from airrace.files.inputs.kinds.kind import CompositeElement, ElementPart, GateDefaultsEntry, KindEntry, register
+from airrace.files.inputs.places import Azimuth, Height, PlacedEntry, Places
+from airrace.model.elementary import sqrt
+from airrace.model.parameters import Parameter, attribute_parameter
+from airrace.model.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
+from airrace.model.track.gates import NOT_POSITIVE, ZERO, offsets
+from airrace.optimal_control.quantities import Interval, Quantity
 
 CROSSING = math.radians(45.0)
 """The largest horizontal angle between path and axis, rad."""

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace, inside
 
-from airrace.checkpoint import read_checkpoint, write_checkpoint
-from airrace.checkpoint.store import seal, unseal
+from airrace.files.checkpoint import read_checkpoint, write_checkpoint
+from airrace.files.checkpoint.store import seal, unseal
 from airrace.procedure.result import Status
 
 CERTIFICATE = {

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from airrace_command import AIRCRAFT, HALF_CUBAN, POINT_MASS, Ran, airrace
 
-from airrace.checkpoint import read_checkpoint
+from airrace.files.checkpoint import read_checkpoint
 
 OWN = {"AIRRACE_EXTENSIONS": str(Path(__file__).with_name("first_order_roll.py"))}
 TAU = 0.08  # s, of the roll in that file

@@ -8,7 +8,7 @@ import pytest
 from airrace_command import inside
 
 import airrace
-from airrace.frames import rotation
+from airrace.model.frames import rotation
 from airrace.runs.stage_view import StageView
 
 KNOT_20_FROM_WEST = ("--set", "environment.wind.speed_kt=20", "--set", "environment.wind.from_deg=270")

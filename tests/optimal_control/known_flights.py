@@ -4,9 +4,9 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation, System
-from airrace.trajectory import Array
+from airrace.optimal_control.quantities import Interval, Quantity
+from airrace.optimal_control.system import Observation, System
+from airrace.optimal_control.trajectory import Array
 
 FREQUENCY = 1.5  # rad/s
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Phase, Problem, uniform
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation, System
+from airrace.optimal_control.quantities import Interval, Quantity
+from airrace.optimal_control.system import Observation, System
 
 
 def rich_system() -> System:

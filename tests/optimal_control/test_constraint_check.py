@@ -10,9 +10,9 @@ from known_flights import FREQUENCY, LENS, SYSTEM, exact, flight, problem
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, check_constraints, outside
 from airrace.optimal_control.problem import Boundary, Iterate, PathConstraint, Problem
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.replay import replay
-from airrace.quantities import Interval, Quantity
-from airrace.system import Observation
+from airrace.optimal_control.system import Observation
 
 TOLERANCES = (
     Tolerance("length", ("m",), 0.05, 0.01),

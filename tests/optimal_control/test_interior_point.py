@@ -16,6 +16,7 @@ from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import divide, limits_of, transfer_multipliers
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT, bounded_program, interior_point
 from airrace.optimal_control.solvers.bounded_program import EQUALITY_WEIGHT, BoundedProgram, Measures, Vector
@@ -26,8 +27,7 @@ from airrace.optimal_control.solvers.interface import (
     SolverOptions,
 )
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
-from airrace.quantities import Interval, Quantity
-from airrace.system import System
+from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
 

@@ -14,14 +14,14 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import divide, resample
 from airrace.optimal_control.optimality import costates, hamiltonian
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.replay import estimate_defect, interval_durations, replay, replay_phases, sample
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.messages import SolveRequest
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
 from airrace.optimal_control.solvers.worker import SolveServer
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import observation_of, system_of
+from airrace.optimal_control.system import observation_of, system_of
 
 exactly = Interval.exactly
 EXACT = 1e-8

@@ -25,8 +25,8 @@ from airrace.optimal_control.problem import (
     require_valid,
     uniform,
 )
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.quantities import Interval
 
 
 @st.composite

@@ -9,12 +9,12 @@ from small_problems import gate, rich_system
 
 from airrace.optimal_control.optimality import hamiltonian
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution
-from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
-from airrace.system import System, of_first_states, system_of, with_linear_controls
+from airrace.optimal_control.system import System, of_first_states, system_of, with_linear_controls
 
 exactly = Interval.exactly
 

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from small_problems import PROBLEMS, random_point, rich_system
 
 from airrace.errors import KernelError, SolverCrash
-from airrace.native.interpreter import Interpreter, bytecode, interpreter, operation_numbers
-from airrace.native.library import library
 from airrace.optimal_control import sparse_assembly as module
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
@@ -33,12 +31,14 @@ from airrace.optimal_control.kernels import (
     path_functions,
 )
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.native.interpreter import Interpreter, bytecode, interpreter, operation_numbers
+from airrace.optimal_control.native.library import library
+from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, VERNER_7, RungeKutta
 from airrace.optimal_control.solvers.ipopt import ProgramFunctions
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly
+from airrace.optimal_control.system import System, at_points
 from airrace.procedure.fidelity import LONGEST_INTERVAL
-from airrace.quantities import Quantity
-from airrace.system import System, at_points
 
 VARIANTS = {name: Interpreter(found) for name, found in variants().items()}
 COUNT = 24  # intervals, a multiple of all lanes

@@ -9,11 +9,11 @@ import pytest
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
-from airrace.quantities import Interval, Quantity
-from airrace.system import System
+from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
 REST = {"theta": exactly(0.0), "omega": exactly(0.0)}

@@ -12,13 +12,13 @@ from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError, costates, errors_in_objective, hamiltonian, kkt_error
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.messages import SolveRequest
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
 from airrace.optimal_control.solvers.worker import SolveServer
-from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
-from airrace.system import Observation, System, system_of
+from airrace.optimal_control.system import Observation, System, system_of
 
 
 def creep() -> Problem:

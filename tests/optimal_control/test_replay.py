@@ -29,7 +29,7 @@ from airrace.optimal_control.replay import (
     replay_phases,
     sample,
 )
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 EXACT = 1e-8
 SCALES = np.array([quantity.scale for quantity in SYSTEM.states])

@@ -9,14 +9,15 @@ import scipy.linalg
 import scipy.sparse
 from small_problems import PROBLEMS, random_point
 
-from airrace.native.library import library
 from airrace.optimal_control import second_order as second_order_module
 from airrace.optimal_control.assembly import Assembly, StageMatrices
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.native.library import library
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.second_order import (
     TOLERANCES,
     StageQuadratic,
@@ -28,8 +29,7 @@ from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers import solver as solver_module
 from airrace.optimal_control.solvers.interface import Ending, SolverOptions
 from airrace.optimal_control.solvers.solver import STEP_FROM_SADDLE, PreparedProblem, Solution
-from airrace.quantities import Interval, Quantity
-from airrace.system import System
+from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
 

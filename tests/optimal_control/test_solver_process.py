@@ -43,7 +43,7 @@ from airrace.optimal_control.solvers.messages import (
 from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
 from airrace.optimal_control.solvers.worker import ProgressReader, SolveServer
-from airrace.system import System
+from airrace.optimal_control.system import System
 
 TESTS = Path(__file__).parent
 PIPE_BYTES = 2**16

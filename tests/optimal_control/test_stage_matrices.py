@@ -12,7 +12,7 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.sparse_assembly import COOBuilder, Entries, Memory, StageAssembly, unique_rows
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 
 @pytest.fixture(params=PROBLEMS, scope="module")

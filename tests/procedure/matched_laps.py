@@ -6,11 +6,14 @@ import functools
 import numpy as np
 from races import EDGE_540, PLAN, course, level, optimum, prepared
 
-from airrace.environment import Air
+from airrace.model.environment import Air
+from airrace.model.track.course import ClearanceRule
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import concatenate, phase_piece
@@ -19,10 +22,7 @@ from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of, trajectory_of
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import ClearanceRule
-from airrace.trajectory import Array, Trajectory
 
 OVAL = [level("south", 0.0, 0.0, 0.0), level("north", 150.0, 330.0, 180.0)]
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from races import EDGE_540, RACES, RULES, SMALL, blown, course, level, optimum, planned, settings, solve_point_mass
 
-from airrace.dynamics.limits import LEAST_ROOM
-from airrace.environment import Air
-from airrace.planning.plan import ONE_PLACE
+from airrace.model.dynamics.limits import LEAST_ROOM
+from airrace.model.environment import Air
+from airrace.model.track.course import Rules
+from airrace.model.track.gates import Gate, Passing, Pylon
+from airrace.optimal_control.quantities import Interval
+from airrace.procedure.planning.plan import ONE_PLACE
 from airrace.procedure.procedure import recertify
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import sampler
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import Rules
-from airrace.track.gates import Gate, Passing, Pylon
 
 GUESSES = tuple(GuessKind)
 WIND = 8.0  # m/s

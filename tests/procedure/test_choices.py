@@ -21,21 +21,21 @@ from races import (
 )
 from races import planned as plan_of
 
-from airrace.environment import Air
-from airrace.frames import angle_between, quaternion
-from airrace.inputs import load_inputs
-from airrace.planning.plan import Plan, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution
-from airrace.planning.planning_model import cruise
-from airrace.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions, candidates
+from airrace.files.inputs import load_inputs
+from airrace.model.environment import Air
+from airrace.model.frames import angle_between, quaternion
+from airrace.model.track.gates import Gate, Manoeuvre
+from airrace.optimal_control.quantities import Interval
+from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.planning.plan import Plan, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution
+from airrace.procedure.planning.planning_model import cruise
+from airrace.procedure.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions, candidates
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of, trajectory_of
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.gates import Gate, Manoeuvre
-from airrace.trajectory import Trajectory
 
 every_race = pytest.mark.parametrize("name", RACES)
 OFF = dataclasses.replace(settings(GuessKind.PLAN), search=SearchEffort.OFF)

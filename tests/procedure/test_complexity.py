@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from races import PLAN, SMALL, optimum, prepared
 
-from airrace.frames import quaternion
+from airrace.model.frames import quaternion
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure import choice
 from airrace.procedure.choice import simplest_of, with_note_on_faster
 from airrace.procedure.complexity import FlightComplexity, complexity_of
 from airrace.procedure.result import HARDLY_SLOWER, NoteKind, StageResult, Status
-from airrace.trajectory import Array
 
 
 @functools.cache

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap, optimum, settings
 
-from airrace.environment import Air
-from airrace.frames import product, rotation
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
+from airrace.model.environment import Air
+from airrace.model.frames import product, rotation
+from airrace.model.track.course import Crowd, CrowdShape, Roll, Rules, SafetyLine, Turning
+from airrace.model.track.gates import Manoeuvre
+from airrace.model.track.polygons import Point, distance, inside, to_right
+from airrace.optimal_control.quantities import Interval
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import GuessKind
 from airrace.procedure.stored_stages import sampler
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import Crowd, CrowdShape, Roll, Rules, SafetyLine, Turning
-from airrace.track.gates import Manoeuvre
-from airrace.track.polygons import Point, distance, inside, to_right
-from airrace.trajectory import Array
 
 PLAN = settings(GuessKind.PLAN)
 LENGTH = 0.1  # m, as certified between nodes

@@ -7,8 +7,10 @@ import pytest
 from races import DIVING_EIGHT, OPTIMA, PLAN, RACES, SMALL, blown, optimum, optimum_of, prepared, solve_stages
 from transformations import mirrored
 
-from airrace.dynamics.observations import settled_observation
-from airrace.frames import rotation
+from airrace.flights.results.derivation import indicated_airspeed
+from airrace.model.dynamics.observations import settled_observation
+from airrace.model.frames import rotation
+from airrace.model.track.course import EndState, StartSpeed
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem
@@ -22,8 +24,6 @@ from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import mesh_of
 from airrace.race import Race
-from airrace.results.derivation import indicated_airspeed
-from airrace.track.course import EndState, StartSpeed
 
 SETTLED, FREE = EndState.SETTLED, EndState.FREE
 every_stage = pytest.mark.parametrize("stage", OPTIMA, ids=lambda stage: stage.value)

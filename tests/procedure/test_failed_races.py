@@ -6,7 +6,9 @@ import pytest
 from races import DIVING_EIGHT, RACES, ROOT, SMALL, optimum, prepared, settings, solve_point_mass
 
 from airrace.errors import InputError, OutOfTime
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
+from airrace.model.track.course import ClearanceRule
+from airrace.optimal_control.quantities import Interval
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility import conflicts
 from airrace.procedure.procedure import optimize
@@ -14,9 +16,7 @@ from airrace.procedure.result import Iteration, Progress, Silent, StageResult, S
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
 from airrace.procedure.solver_session import CONTINUATIONS_MAX
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import ClearanceRule
 
 every_guess = pytest.mark.parametrize(
     "guess_kind", [GuessKind.PLAN, pytest.param(GuessKind.HOMOTOPY, marks=pytest.mark.slow)]

@@ -28,22 +28,24 @@ from races import (
     solve_stages,
 )
 
-from airrace.control.path_following import from_optimum
-from airrace.control.simulation import at
-from airrace.dynamics import flight_model, state_space_inversion
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import LoadFactors, load_factors
-from airrace.dynamics.point_mass import build_point_mass
-from airrace.dynamics.state_space import Surrounding
-from airrace.environment import g0
 from airrace.errors import Finding, InputError
-from airrace.frames import QUATERNION, angles, rotation
+from airrace.model.dynamics import flight_model, state_space_inversion
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.model.dynamics.point_mass import build_point_mass
+from airrace.model.dynamics.state_space import Surrounding
+from airrace.model.environment import g0
+from airrace.model.frames import QUATERNION, angles, rotation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.service import SolverService
+from airrace.optimal_control.system import Observation, System
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure import fidelity
+from airrace.procedure.control.path_following import from_optimum
+from airrace.procedure.control.simulation import at
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.procedure import optimize
@@ -53,8 +55,6 @@ from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import history, mesh_of
 from airrace.procedure.stored_stages import derived_quantities
 from airrace.procedure.warm_start import FEWEST, first_nodes, map_controls, trimmed_start
-from airrace.system import Observation, System
-from airrace.trajectory import Array
 
 each_race = pytest.mark.parametrize("name", QUICK)
 each_stage = pytest.mark.parametrize("stage", OPTIMA, ids=lambda stage: stage.value)

@@ -13,20 +13,20 @@ from races import DEGREE, EDGE_540, KNOT, RACES, SMALL, WINDOW, knife_edge, leve
 from races import course as course_of
 from races import pylon as pylon_at
 
-from airrace.dynamics.point_mass import PointMassState
-from airrace.environment import Air
-from airrace.frames import quaternion, rotation
+from airrace.model.dynamics.point_mass import PointMassState
+from airrace.model.environment import Air
+from airrace.model.frames import quaternion, rotation
+from airrace.model.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine
+from airrace.model.track.gates import Element, Manoeuvre, Passing, Pylon
+from airrace.model.track.polygons import Point
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
+from airrace.optimal_control.quantities import Interval
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.formulation import PILOT_NAMES, path_constraints, piece_boundary
 from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions, first_mesh, rotate
 from airrace.procedure.settings import MeshSettings
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine
-from airrace.track.gates import Element, Manoeuvre, Passing, Pylon
-from airrace.track.polygons import Point
-from airrace.trajectory import Array
 
 SPAN = EDGE_540.airframe.b
 At = tuple[Problem, Boundary]

@@ -9,13 +9,14 @@ import pytest
 from races import RACES, SIXTEEN, SMALL, models_of, planned, prepared, settings
 from transformations import mirrored
 
-from airrace.control.dynamic_inversion import InnerLoopInverse
-from airrace.control.simulation import TrackingSimulator, tracking_simulator
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.point_mass import PointMassControl, PointMassState
-from airrace.frames import angles, rotation
+from airrace.model.dynamics.flight_model import FlightModel
+from airrace.model.dynamics.point_mass import PointMassControl, PointMassState
+from airrace.model.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure import stage_models as module
+from airrace.procedure.control.dynamic_inversion import InnerLoopInverse
+from airrace.procedure.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.procedure.guess import (
     FIRST_MESH,
     QUATERNION_ROWS,
@@ -30,7 +31,6 @@ from airrace.procedure.guess import (
 )
 from airrace.procedure.settings import GuessKind, MeshSettings
 from airrace.procedure.stage import Stage
-from airrace.trajectory import Array
 
 MESH = MeshSettings()
 every_race = pytest.mark.parametrize("name", RACES)

@@ -25,12 +25,15 @@ from races import (
 from test_solving import STALLED, Canned, asked, session
 from transformations import mirrored
 
-from airrace.environment import Air
-from airrace.inputs import load_inputs
-from airrace.inputs.variation import Variation
+from airrace.files.inputs import load_inputs
+from airrace.files.inputs.variation import Variation
+from airrace.model.environment import Air
+from airrace.model.parameters import Parameter, attribute_parameter
+from airrace.model.track.course import Course, Crowd, CrowdShape
+from airrace.model.track.gates import Gate, Manoeuvre
+from airrace.model.track.polygons import Point
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.parameters import Parameter, attribute_parameter
-from airrace.planning.parameters import relaxable_parameters
+from airrace.optimal_control.quantities import Interval
 from airrace.procedure import procedure
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, HomotopyOutcome, solve_homotopy
@@ -43,17 +46,14 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
+from airrace.procedure.planning.parameters import relaxable_parameters
 from airrace.procedure.procedure import FirstFlight, solve_first_flight, solve_point_mass
 from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import Course, Crowd, CrowdShape
-from airrace.track.gates import Gate, Manoeuvre
-from airrace.track.polygons import Point
 
 G = 9.80665
 SPEED, RADIUS = 60.0, 150.0

@@ -8,13 +8,13 @@ import pytest
 from races import SMALL, settings
 
 from airrace.errors import NotCertified
+from airrace.flights.sensitivity.lagrangian import sensitivities
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.procedure.procedure import optimize, recertify
 from airrace.procedure.result import NoteKind, Silent, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.procedure.stage import Stage
 from airrace.runs.verification import discrepancies
-from airrace.sensitivity.lagrangian import sensitivities
 
 ALL = settings(GuessKind.PLAN)
 LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)

@@ -14,9 +14,11 @@ from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.optimal_control.constraint_check import ConstraintCheck
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.service import SolverService
+from airrace.optimal_control.system import System
 from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of
@@ -41,8 +43,6 @@ from airrace.procedure.settings import LONG_RACE, CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.quantities import Interval, Quantity
-from airrace.system import System
 
 LIMITS = CertificateLimits()
 COUNTS = (12, 8)

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from races import EDGE_540, PLAN, RULES, course, level, optimum
 
-from airrace.environment import Air
-from airrace.planning.clearance import ClosestApproach, Wing, cleared_pylons, closest_approaches, pylons_of
+from airrace.flights.results.clearances import distances, least_of_all
+from airrace.flights.results.derivation import flight_of
+from airrace.flights.results.flight import Flight, Source
+from airrace.flights.results.planned import planned_flight, remarks_on_line
+from airrace.model.environment import Air
+from airrace.model.track.course import ClearanceRule, Obstacle
+from airrace.model.track.polygons import Point
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.certification import clearance_item
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.planning.clearance import ClosestApproach, Wing, cleared_pylons, closest_approaches, pylons_of
 from airrace.procedure.result import PylonSide, Status
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.race import Race
-from airrace.results.clearances import distances, least_of_all
-from airrace.results.derivation import flight_of
-from airrace.results.flight import Flight, Source
-from airrace.results.planned import planned_flight, remarks_on_line
-from airrace.track.course import ClearanceRule, Obstacle
-from airrace.track.polygons import Point
-from airrace.trajectory import Array
 
 MAST = Obstacle("mast", (Point(300.0, 1.0),), 0.0, 60.0, 10.0)
 TANK = Obstacle("tank", (Point(300.0, 1.0),), 20.0, 60.0, 10.0)

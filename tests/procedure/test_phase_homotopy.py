@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from races import RACES, planned
 
-from airrace.dynamics.point_mass import PointMassState
-from airrace.frames import angle_between, quaternion
+from airrace.model.dynamics.point_mass import PointMassState
+from airrace.model.frames import angle_between, quaternion
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.settings import MeshSettings
-from airrace.trajectory import Array
 
 
 @functools.cache

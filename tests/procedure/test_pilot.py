@@ -9,9 +9,10 @@ import pytest
 from races import OPTIMA, PLAN, RACES, SMALL, differentiated, motion, optimum, prepared
 from transformations import mirrored
 
-from airrace.dynamics.pilot_observation import RELIEF_SLOPE
-from airrace.frames import angles, quaternion, rotation
-from airrace.inputs.rules import PILOT_PRESETS
+from airrace.files.inputs.rules import PILOT_PRESETS
+from airrace.model.dynamics.pilot_observation import RELIEF_SLOPE
+from airrace.model.frames import angles, quaternion, rotation
+from airrace.model.track.course import PilotLimits
 from airrace.optimal_control.problem import Problem
 from airrace.procedure.formulation import NEAR_GROUND, PILOT_NAMES
 from airrace.procedure.guess import first_mesh
@@ -21,7 +22,6 @@ from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import history
 from airrace.race import Race
-from airrace.track.course import PilotLimits
 
 MAGNITUDES = "beta_A", "n_y"
 """The path quantities of models with angles whose magnitude is limited at gates, start and finish."""

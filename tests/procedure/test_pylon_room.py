@@ -10,15 +10,18 @@ import pytest
 from races import PLAN, ROOT, SHIPPED, SMALL, optimum
 from scipy.integrate import solve_ivp
 
-from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
-from airrace.dynamics.observations import PylonRoom, pylon_room_observation
-from airrace.inputs import load_inputs
+from airrace.files.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from airrace.files.checkpoint.checkpoint import StoredDocument, StoredInputs
+from airrace.files.inputs import load_inputs
+from airrace.model.dynamics.observations import PylonRoom, pylon_room_observation
+from airrace.model.track.course import ClearanceRule
+from airrace.model.track.gates import Passing
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.clearance import LEAST_CLEARANCE, PylonPost, closest_approaches, wing_distance
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
+from airrace.procedure.planning.clearance import LEAST_CLEARANCE, PylonPost, closest_approaches, wing_distance
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.recomputation import recertify
 from airrace.procedure.result import PylonSide, Silent, StageResult
@@ -29,9 +32,6 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.race import Race
-from airrace.track.course import ClearanceRule
-from airrace.track.gates import Passing
-from airrace.trajectory import Array
 
 RACE = SHIPPED["rovinj_2014"]
 TEXT = StoredDocument("course.yaml", "")

@@ -7,16 +7,16 @@ import pytest
 from races import PLAN, ROOT, SHIPPED, SMALL, blown, optimum, solve_stages
 
 from airrace.errors import UsageError
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
+from airrace.model.track.course import Direction
+from airrace.optimal_control.quantities import Interval
+from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure import restart, solver_session
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.course import Direction
-from airrace.trajectory import Trajectory
 
 WINDY = blown(SMALL, 200.0, 3.0)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from short_course import AIRCRAFT
 
-from airrace.inputs import Document, Inputs, inputs_from_documents
-from airrace.inputs.variation import Variation
+from airrace.files.inputs import Document, Inputs, inputs_from_documents
+from airrace.files.inputs.variation import Variation
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage

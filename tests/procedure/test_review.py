@@ -10,17 +10,26 @@ import races
 from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
-from airrace.dynamics.flight_manual import top_speed
-from airrace.environment import Air, StaticWind
-from airrace.inputs import load_inputs
-from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
-from airrace.planning.route_decisions import PLANNED_MAX
-from airrace.quantities import Interval
+from airrace.files.inputs import load_inputs
+from airrace.flights.results.planned import planned_flight, remarks_on_line
+from airrace.model.dynamics.flight_manual import top_speed
+from airrace.model.environment import Air, StaticWind
+from airrace.model.track.course import Course, Crowd, CrowdShape, Direction, Roll, Rules, SafetyLine
+from airrace.model.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances
+from airrace.model.track.polygons import Point
+from airrace.optimal_control.quantities import Interval
+from airrace.procedure.planning.lint import (
+    Remark,
+    RemarkKind,
+    forgotten_lines,
+    in_order,
+    legs,
+    review,
+    swapped_axes,
+    tightest,
+)
+from airrace.procedure.planning.route_decisions import PLANNED_MAX
 from airrace.race import Race
-from airrace.results.planned import planned_flight, remarks_on_line
-from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, Rules, SafetyLine
-from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances
-from airrace.track.polygons import Point
 
 STRAIGHT = dataclasses.replace(races.WINDOW, crossing=5 * DEGREE)
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.environment import g0
-from airrace.frames import product, quaternion, rotation
-from airrace.planning.planning_model import PlanningModel, roll_time, rotation_time, rotation_vector, turn_by
-from airrace.quantities import Interval
-from airrace.track.course import Roll, Turning
+from airrace.model.environment import g0
+from airrace.model.frames import product, quaternion, rotation
+from airrace.model.track.course import Roll, Turning
+from airrace.optimal_control.quantities import Interval
+from airrace.procedure.planning.planning_model import PlanningModel, roll_time, rotation_time, rotation_vector, turn_by
 
 PACE = PlanningModel(V=80.0, n=5.0, p=3.0)
 attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))

@@ -10,15 +10,15 @@ from matched_laps import laps
 from races import EDGE_540, RACES, SMALL, blown, optimum, prepared, settings
 from transformations import mirrored
 
-from airrace.dynamics.point_mass import PointMassState
-from airrace.environment import g0
+from airrace.model.dynamics.point_mass import PointMassState
+from airrace.model.environment import g0
 from airrace.optimal_control.replay import interval_durations, replay
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.stage_problem import gate_splits, mesh_of
-from airrace.trajectory import Array, Trajectory
 
 every_guess = pytest.mark.parametrize("guess", GuessKind)
 HALF_CUBAN = RACES["half_cuban_eight"]

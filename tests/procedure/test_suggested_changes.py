@@ -18,7 +18,7 @@ from test_solving import asked, session
 
 from airrace.errors import InputError
 from airrace.optimal_control.problem import Iterate
-from airrace.planning.parameters import relaxable_parameters
+from airrace.optimal_control.quantities import Interval
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
 from airrace.procedure.infeasibility.conflicts import (
@@ -39,10 +39,10 @@ from airrace.procedure.infeasibility.diagnose import (
     validate,
 )
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
+from airrace.procedure.planning.parameters import relaxable_parameters
 from airrace.procedure.result import SuggestedChange
 from airrace.procedure.solver_session import Budget
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval
 from airrace.race import Race
 
 KNOWN = {one.key: one for one in relaxable_parameters(SMALL)}

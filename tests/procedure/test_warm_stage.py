@@ -7,10 +7,10 @@ import pytest
 from races import PLAN, SMALL, blown, optimum
 
 from airrace.errors import UsageError
+from airrace.optimal_control.quantities import Interval
 from airrace.procedure.result import Status
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem
 from airrace.procedure.warm_stage import WarmStage
-from airrace.quantities import Interval
 from airrace.race import Race
 
 

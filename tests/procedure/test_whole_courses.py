@@ -20,12 +20,12 @@ from races import (
 )
 from test_shipped_optima import plane_of
 
-from airrace.environment import Thermal
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
+from airrace.model.environment import Thermal
+from airrace.optimal_control.quantities import Interval
 from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval
 from airrace.race import Race
 
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))

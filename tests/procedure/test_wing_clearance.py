@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 from races import OPTIMA, PLAN, SHIPPED, SMALL, blown, optimum, optimum_of
 
-from airrace.dynamics.observations import CrossingParameters, crossing_values
-from airrace.frames import quaternion
-from airrace.inputs import load_inputs
+from airrace.files.inputs import load_inputs
+from airrace.flights.results import Source
+from airrace.flights.results.attitude import body_axes, path_axes
+from airrace.flights.results.clearances import least_distances
+from airrace.flights.results.derivation import flight_of
+from airrace.model.dynamics.observations import CrossingParameters, crossing_values
+from airrace.model.frames import quaternion
+from airrace.model.track.course import ClearanceRule, Course
+from airrace.model.track.gates import Passing
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.replay import replay
-from airrace.planning.clearance import (
+from airrace.optimal_control.trajectory import Array
+from airrace.procedure.certification import approaches, clearance_item
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.planning.clearance import (
     LEAST_CLEARANCE,
     PylonPost,
     Wing,
@@ -22,19 +31,10 @@ from airrace.planning.clearance import (
     wing_distance,
     wing_position,
 )
-from airrace.procedure.certification import approaches, clearance_item
-from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.race import Race
-from airrace.results import Source
-from airrace.results.attitude import body_axes, path_axes
-from airrace.results.clearances import least_distances
-from airrace.results.derivation import flight_of
-from airrace.track.course import ClearanceRule, Course
-from airrace.track.gates import Passing
-from airrace.trajectory import Array
 
 POST = PylonPost("g", 3.0, -2.0, 25.0, LEAST_CLEARANCE)
 

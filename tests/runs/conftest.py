@@ -2,7 +2,7 @@
 
 import pytest
 
-from airrace.checkpoint.checkpoint import content_digest
+from airrace.files.checkpoint.checkpoint import content_digest
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import recomputation
 from airrace.procedure.recomputation import Measured, TrustedData

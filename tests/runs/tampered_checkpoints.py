@@ -9,12 +9,12 @@ import numpy as np
 from disk_cache import cached_across_workers
 
 import airrace
-from airrace.checkpoint import Checkpoint
+from airrace.files.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Curvature, Item
+from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure.result import MeshRecord, Note, NoteKind, StageProvenance, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.runs.run import run_of_checkpoint
-from airrace.trajectory import Trajectory
 
 replace = dataclasses.replace
 Change = Callable[[StageResult], StageResult]

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from airrace.errors import InputError, UsageError
-from airrace.inputs import load_inputs
-from airrace.inputs.document import TRACKS
-from airrace.inputs.json_schema import schema_text
+from airrace.files.inputs import load_inputs
+from airrace.files.inputs.document import TRACKS
+from airrace.files.inputs.json_schema import schema_text
 from airrace.runs.courses import EDITORS_LINE, catalogue, init
 
 

@@ -10,7 +10,7 @@ import pytest
 from command import run
 
 import airrace
-from airrace.checkpoint import LogCheckpoint, write_log
+from airrace.files.checkpoint import LogCheckpoint, write_log
 from airrace.runs.log_view import LogView, open_log
 from airrace.runs.verification import confirm_log
 

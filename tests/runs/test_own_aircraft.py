@@ -8,9 +8,9 @@ import yaml
 from command import run as airrace
 
 from airrace import estimate_aircraft
-from airrace.dynamics.handling import faults, remarks
 from airrace.errors import UsageError
-from airrace.inputs.document import AIRCRAFT
+from airrace.files.inputs.document import AIRCRAFT
+from airrace.model.dynamics.handling import faults, remarks
 from airrace.runs.aircraft import MEASURES, read_aircraft_file, read_measure
 
 MANUAL = ("--mass", "730kg", "--span", "24.6ft", "--area", "10.44m2", "--power", "315hp", "--stall", "55kt")

@@ -58,8 +58,8 @@ def test_runs_in_memory_and_in_folders_that_take_no_files_need_no_lock(tmp_path:
 
 
 def test_output_on_a_circle_of_links_is_refused(tmp_path: Path) -> None:
-    from airrace.checkpoint.atomic import replace_file
     from airrace.errors import StorageError
+    from airrace.files.checkpoint.atomic import replace_file
 
     (tmp_path / "one.h5").symlink_to("two.h5")
     (tmp_path / "two.h5").symlink_to("one.h5")

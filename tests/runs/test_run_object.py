@@ -10,9 +10,9 @@ import fake_optimizer
 import pytest
 from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
-from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.errors import InputError, SolverCrash, UsageError
-from airrace.inputs import load_inputs
+from airrace.files.checkpoint import Checkpoint, write_checkpoint
+from airrace.files.inputs import load_inputs
 from airrace.procedure import procedure, stored_stages
 from airrace.procedure.infeasibility.diagnose import describe_conflicts
 from airrace.procedure.result import OUTCOMES, Silent, StageResult, Status, SuggestedChange

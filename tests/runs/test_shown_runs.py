@@ -10,9 +10,9 @@ from tampered_checkpoints import FOUND, POINT_MASS, TRANSFER, Tampering, genuine
 from typer.testing import CliRunner, Result
 
 import airrace
-from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.errors import SolverCrash
+from airrace.files.checkpoint import Checkpoint, write_checkpoint
 from airrace.procedure import procedure
 from airrace.procedure.result import Status
 

@@ -12,13 +12,13 @@ from tampered_checkpoints import FOUND, TRANSFER, UNVERIFIABLE, flown, genuine, 
 from typer.testing import CliRunner
 
 import airrace
-from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, NotCertified
+from airrace.files.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure.stage import Stage
 from airrace.runs.run import open_run
 from airrace.runs.verification import verify_run
-from airrace.trajectory import Trajectory
 
 pytestmark = pytest.mark.usefixtures("measured_once")
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from airrace.aircraft import Aircraft
 from airrace.cli.main import app
-from airrace.environment import RHO_ISA, g0
-from airrace.inputs import load_inputs
-from airrace.planning.plan import plan
-from airrace.planning.planning_model import cruise
+from airrace.files.inputs import load_inputs
+from airrace.model.aircraft import Aircraft
+from airrace.model.environment import RHO_ISA, g0
+from airrace.model.track.course import Course, Direction, Turning
+from airrace.model.track.gates import Gate, Manoeuvre, Passing, Pylon
+from airrace.model.track.polygons import Point, to_right
+from airrace.procedure.planning.plan import plan
+from airrace.procedure.planning.planning_model import cruise
 from airrace.race import Race
-from airrace.track.course import Course, Direction, Turning
-from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
-from airrace.track.polygons import Point, to_right
 
 ROOT = Path(__file__).parents[2]
 KNOT = 1852.0 / 3600.0

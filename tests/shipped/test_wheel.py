@@ -48,16 +48,16 @@ def test_the_wheel_holds_courses_aircraft_rules_types_and_sources(wheel: Path) -
     assert {
         "airrace/py.typed",
         "airrace/__main__.py",
-        "airrace/inputs/presets/rbar-2014.yaml",
-        "airrace/inputs/templates/course.yaml",
-        "airrace/export/aircraft.glb",
-        "airrace/export/aircraft.dae",
-        "airrace/native/airrace_native.so",
-        "airrace/report/page.html",
-        "airrace/report/script/main.js",
-        "airrace/report/style/page.css",
-        "airrace/report/libraries/three/three.module.min.js",
-        "airrace/report/libraries/three/LICENSE",
+        "airrace/files/inputs/presets/rbar-2014.yaml",
+        "airrace/files/inputs/templates/course.yaml",
+        "airrace/files/export/aircraft.glb",
+        "airrace/files/export/aircraft.dae",
+        "airrace/optimal_control/native/airrace_native.so",
+        "airrace/pages/report/page.html",
+        "airrace/pages/report/script/main.js",
+        "airrace/pages/report/style/page.css",
+        "airrace/pages/report/libraries/three/three.module.min.js",
+        "airrace/pages/report/libraries/three/LICENSE",
     } <= names
     assert not [name for name in names if name.startswith(("tests/", "tracks/", "configs/")) or name.endswith(".c")]
     assert wheel.name.split("-")[2:4] == ["py3", "none"]  # one wheel serves every Python of a platform
@@ -73,7 +73,7 @@ def test_without_a_compiler_the_package_is_built_without_its_library(tmp_path: P
     (wheel,) = tmp_path.glob("*-py3-none-any.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
-    assert "airrace/native/library.py" in names
+    assert "airrace/optimal_control/native/library.py" in names
     assert not [name for name in names if name.endswith(".so")]
 
 
@@ -94,7 +94,7 @@ def run(installed: Path, folder: Path, *arguments: str) -> str:
 def test_what_comes_along_is_found_in_the_installed_package(installed: Path, tmp_path: Path) -> None:
     listed = json.loads(run(installed, tmp_path, "-m", "airrace", "tracks", "--json"))
     assert [one["name"] for one in listed["tracks"]] == sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
-    where = run(installed, tmp_path, "-c", "from airrace.inputs.document import TRACKS; print(TRACKS.path)")
+    where = run(installed, tmp_path, "-c", "from airrace.files.inputs.document import TRACKS; print(TRACKS.path)")
     assert Path(where.strip()) == installed / "airrace" / "shipped" / "tracks"
 
 

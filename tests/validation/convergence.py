@@ -10,10 +10,10 @@ from statement import KnownAnswer, exactly
 from airrace.optimal_control import runge_kutta
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
+from airrace.optimal_control.quantities import T, Vector, quantity, vector
 from airrace.optimal_control.runge_kutta import VERNER_7, RungeKutta
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.quantities import T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.system import system_of
 
 SCHEMES = tuple(scheme for scheme in vars(runge_kutta).values() if isinstance(scheme, RungeKutta))
 MESHES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)

@@ -14,9 +14,9 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.replay import integrate
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import observation_of, of_first_states, system_of, with_linear_controls
+from airrace.optimal_control.system import observation_of, of_first_states, system_of, with_linear_controls
 
 mu, R_E, omega_E = 3.986012e14, 6378145.0, 7.29211585e-5  # m3/s2, m, rad/s
 rho_0, h_r, S, C_D = 1.225, 7200.0, 4 * math.pi, 0.5  # kg/m3, m, m2, 1

@@ -10,8 +10,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import observation_of, system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import observation_of, system_of
 
 m, g, rho, S = 5.6, 32.2, 0.002378, 45.09703
 DEGREE = math.pi / 180

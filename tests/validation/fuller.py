@@ -4,8 +4,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
-from airrace.quantities import T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 
 @vector

@@ -4,8 +4,8 @@ import casadi as ca
 from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 m, g, S, rho = 100.0, 9.80665, 14.0, 1.13
 

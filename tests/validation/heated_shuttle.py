@@ -11,9 +11,9 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of, with_linear_controls
+from airrace.optimal_control.system import system_of, with_linear_controls
 
 g_0, m = 32.174, 203000.0 / 32.174  # ft/s2, slug
 R_E, mu, S = 20902900.0, 0.14076539e17, 2690.0  # ft, ft3/s2, ft2

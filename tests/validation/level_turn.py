@@ -13,8 +13,8 @@ import casadi as ca
 from statement import KnownAnswer, exactly, least_time
 
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 g, V, n, p, dchi = 9.80665, 100.0, 8.0, 2 * math.pi, math.pi
 phi_m, dr = math.acos(1 / n), g / (V * p) * math.log(n)

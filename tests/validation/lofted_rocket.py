@@ -9,8 +9,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import T, Vector, quantity, vector
-from airrace.system import observation_of, system_of
+from airrace.optimal_control.quantities import T, Vector, quantity, vector
+from airrace.optimal_control.system import observation_of, system_of
 
 g, n, tau = 9.80665, 2.0, 60.0
 

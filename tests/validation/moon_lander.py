@@ -5,8 +5,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 m, g, inertia, width, thrust_max = 1.0, 9.81, 0.1, 1.0, 2.0 * 9.81
 

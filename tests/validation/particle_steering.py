@@ -8,8 +8,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 a = 100.0
 

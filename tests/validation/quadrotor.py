@@ -5,8 +5,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 g, tilt_max, tilt_rate_max = 9.81, 0.55, 3.0
 

@@ -8,8 +8,8 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 I_x, I_y, I_z = 5621.0, 4547.0, 2364.0  # kg m2
 TURN = math.radians(150.0)  # about the x axis

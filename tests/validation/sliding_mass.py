@@ -5,8 +5,8 @@ import math
 from statement import KnownAnswer, exactly, least_time
 
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
-from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.system import system_of
+from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
+from airrace.optimal_control.system import system_of
 
 
 @vector

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.quantities import Interval
 
 exactly = Interval.exactly
 

@@ -7,7 +7,7 @@ command.
 import atexit
 import subprocess
 
-from airrace import process
+from airrace.runtime import process
 
 INTERIOR_POINT, IPOPT = "interior-point", "ipopt"
 """The names of the solvers."""
@@ -17,7 +17,7 @@ _idle: list[subprocess.Popen[bytes]] = []
 
 def start() -> "subprocess.Popen[bytes]":
     """Start a solver process: requests go to its standard input, its replies come from its standard output."""
-    command = process.python_command("airrace.process", "airrace.optimal_control.solvers.worker")
+    command = process.python_command("airrace.runtime.process", "airrace.optimal_control.solvers.worker")
     return process.spawn_detached(command)
 
 

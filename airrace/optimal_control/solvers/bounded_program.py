@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.native.library import library
 from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly
 from airrace.optimal_control.evaluation import Evaluation
+from airrace.optimal_control.native.library import library
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.solvers.interface import Bounds
-from airrace.trajectory import Array, Indices
+from airrace.optimal_control.trajectory import Array, Indices
 
 
 def available(assembly: Assembly) -> bool:

@@ -9,7 +9,7 @@ begins and with all pairs in the filter. A step that does not is corrected once 
 import numpy as np
 
 from airrace.optimal_control.solvers.bounded_program import BOUNDARY_FRACTION, BoundedProgram, Measures, Vector
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 # The names and values of [Waechter & Biegler 2006] where they have any.
 GAMMA_THETA = GAMMA_PHI = 1e-5

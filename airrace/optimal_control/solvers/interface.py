@@ -5,7 +5,7 @@ from enum import Enum
 from typing import ClassVar, Protocol
 
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.solvers.bounded_program import BoundedProgram, Measures
 from airrace.optimal_control.solvers.filter_search import FilterSearch
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 FIRST_BARRIER_MIN = 1e-5
 """The least first value of the barrier parameter: with less, slacks are so small that more steps are cut short."""

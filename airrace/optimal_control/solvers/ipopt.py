@@ -14,7 +14,7 @@ from airrace.optimal_control.solvers.interface import (
     SolverOptions,
     SolverResult,
 )
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 IPOPT_ENDINGS = {
     "Solve_Succeeded": Ending.OPTIMAL,

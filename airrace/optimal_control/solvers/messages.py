@@ -19,7 +19,7 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.system import SYMBOLS, System
+from airrace.optimal_control.system import SYMBOLS, System
 
 PREPARED_INTERVALS = 600
 """The number of intervals of all problems together that a solver process keeps ready for the next request.

@@ -24,8 +24,8 @@ from airrace.optimal_control.solvers import acquire, messages
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport, Reply
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.process import SYSTEM_ERROR
-from airrace.system import Observation, System
+from airrace.optimal_control.system import Observation, System
+from airrace.runtime.process import SYSTEM_ERROR
 
 STALL_SECONDS = 120.0
 """The longest time that a solver may spend on one iteration before it is considered to hang, s.

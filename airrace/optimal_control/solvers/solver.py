@@ -29,7 +29,7 @@ from airrace.optimal_control.solvers.interface import (
 )
 from airrace.optimal_control.solvers.interior_point import InteriorPoint
 from airrace.optimal_control.solvers.ipopt import Ipopt
-from airrace.trajectory import Array
+from airrace.optimal_control.trajectory import Array
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-`start` of this package starts it through `airrace.process`, as `python -m` starts a module. The solvers print their
-progress to Python's `sys.stdout` only; here it is read line by line and turned into reports.
+`start` of this package starts it through `airrace.runtime.process`, as `python -m` starts a module. The solvers print
+their progress to Python's `sys.stdout` only; here it is read line by line and turned into reports.
 """
 
 import io
@@ -18,10 +18,10 @@ from functools import partial
 
 import casadi as ca
 
-from airrace import process
 from airrace.errors import is_lack_of_memory
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.messages import (
     Inbox,
@@ -34,8 +34,8 @@ from airrace.optimal_control.solvers.messages import (
     WorkerFailure,
 )
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
-from airrace.quantities import Quantity
-from airrace.system import System
+from airrace.optimal_control.system import System
+from airrace.runtime import process
 
 LARGE = 4000
 """The number of intervals of a problem from which on its memory is given back to the system when it is forgotten.

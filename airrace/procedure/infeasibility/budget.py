@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from airrace.planning.plan import Plan
+from airrace.procedure.planning.plan import Plan
 from airrace.procedure.result import Iteration, Progress, StageResult
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.solver_session import Budget, SolverSession

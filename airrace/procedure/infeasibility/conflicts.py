@@ -14,19 +14,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from airrace.model.parameters import Parameter
+from airrace.model.track.course import PilotLimits
 from airrace.optimal_control.problem import Iterate
-from airrace.parameters import Parameter
-from airrace.planning.parameters import relaxable_parameters
-from airrace.planning.plan import plan_race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.budget import conflict_budget, searching_conflicts
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
+from airrace.procedure.planning.parameters import relaxable_parameters
+from airrace.procedure.planning.plan import plan_race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Mesh, StageProblem, with_passages, without_pilot_limits
 from airrace.race import Race
-from airrace.track.course import PilotLimits
 
 CONFLICTS_MAX = 4
 """The most conflicts that are looked for."""

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from airrace.model.parameters import Parameter
 from airrace.optimal_control.elastic import (
     AT_LEAST,
     AT_MOST,
@@ -28,11 +29,10 @@ from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathCo
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.parameters import Parameter
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
 from airrace.race import Race
-from airrace.trajectory import Array
 
 OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.05, curvature=False)
 """A guess that keeps everything but the gaps needs no line search at first, with which two crowds took 300 iterations

@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from airrace.optimal_control.problem import Iterate, PathConstraint, Phase, Problem
+from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import Ending, SolverOptions
 from airrace.procedure.formulation import without_pilot, without_trim
 from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.solver_session import SolverSession
-from airrace.quantities import Interval, Quantity
 
 OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1, curvature=False)
 """A feasible flight is enough."""

@@ -22,11 +22,11 @@ from airrace.optimal_control.solvers import INTERIOR_POINT
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.service import SolverEnded, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.plan import Plan
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import guess, leg_seconds
+from airrace.procedure.planning.plan import Plan
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
 

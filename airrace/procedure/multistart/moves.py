@@ -8,18 +8,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 
 import numpy as np
 
-from airrace.frames import angle_between
+from airrace.model.frames import angle_between
+from airrace.model.track.course import Course, Turning
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.replay import interval_durations
-from airrace.planning.plan import Plan, decisions_from_solution, plan
-from airrace.planning.planning_model import PlanningModel
-from airrace.planning.route_decisions import RouteDecisions, Waypoint, candidates
 from airrace.procedure.guess import guess, leg_seconds, phase_piece
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, intervals
 from airrace.procedure.multistart.rolls import rerolls, tilt_turn
 from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbours, same_route, segments_of, shape_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move
-from airrace.track.course import Course, Turning
+from airrace.procedure.planning.plan import Plan, decisions_from_solution, plan
+from airrace.procedure.planning.planning_model import PlanningModel
+from airrace.procedure.planning.route_decisions import RouteDecisions, Waypoint, candidates
 
 MARGIN = 2
 """Number of segments before and after those that change in a window. On Rovinj a reversal that saves 0.40 s jointly was

@@ -15,11 +15,10 @@ from functools import partial
 
 import numpy as np
 
+from airrace.model.track.course import Course
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.planning.plan import plan, plan_from_solution
-from airrace.planning.planning_model import PlanningModel
 from airrace.procedure.guess import counts_of
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
@@ -39,12 +38,13 @@ from airrace.procedure.multistart.segments import (
     segments_of,
     shape_of,
 )
+from airrace.procedure.planning.plan import plan, plan_from_solution
+from airrace.procedure.planning.planning_model import PlanningModel
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, load_factors_along, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.track.course import Course
 
 ELITE_LAG = 0.4
 """Largest lag behind the best flight with which a flight is compared again, s."""

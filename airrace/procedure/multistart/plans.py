@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.planning.plan import plan, plan_with_room
-from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.multistart.coarse_solution import InitialGuess, planned_guess
 from airrace.procedure.multistart.search import SearchBudget, planned_starts
+from airrace.procedure.planning.plan import plan, plan_with_room
+from airrace.procedure.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.dynamics.point_mass import PointMassControl, PointMassState
-from airrace.environment import g0
-from airrace.frames import QUATERNION, product, quaternion, rotation
+from airrace.model.dynamics.point_mass import PointMassControl, PointMassState
+from airrace.model.environment import g0
+from airrace.model.frames import QUATERNION, product, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions
-from airrace.trajectory import Array
 
 
 @dataclass(frozen=True)

@@ -12,19 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.environment import g0
+from airrace.model.environment import g0
+from airrace.model.track.course import Course
 from airrace.optimal_control.solvers.service import SolverPool
-from airrace.planning.plan import decisions_from_solution, plan
-from airrace.planning.planning_model import PlanningModel
-from airrace.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.segments import Segment, differing, neighbours, same_route, segments_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves, evaluate
+from airrace.procedure.planning.plan import decisions_from_solution, plan
+from airrace.procedure.planning.planning_model import PlanningModel
+from airrace.procedure.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.track.course import Course
 
 SAVED_MIN = 0.003
 """The time that a move has to save in its window to be solved jointly, s."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.frames import QUATERNION, rotation
-from airrace.planning.plan import POSITION, stops_of, track_turn
+from airrace.model.frames import QUATERNION, rotation
+from airrace.model.track.course import Course
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.rolls import Reversal, reversals
-from airrace.track.course import Course
-from airrace.trajectory import Array
+from airrace.procedure.planning.plan import POSITION, stops_of, track_turn
 
 
 @dataclass(frozen=True)

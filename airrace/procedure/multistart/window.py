@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions, concatenate, phase_piece
@@ -26,7 +27,6 @@ from airrace.procedure.multistart.coarse_solution import (
 from airrace.procedure.multistart.segments import Segment
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.quantities import Interval
 
 ITERATIONS_MAX = 120
 """The largest number of iterations of a window.

@@ -9,7 +9,9 @@ from disk_cache import cached_across_workers
 from races import DEGREE, EDGE_540, RULES, course, level, prepared, pylon, settings
 from races import optimum as without_search
 
-from airrace.environment import Air
+from airrace.model.environment import Air
+from airrace.model.track.gates import Gate, Pylon
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
 from airrace.procedure.procedure import optimize
@@ -18,9 +20,7 @@ from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.quantities import Interval
 from airrace.race import Race
-from airrace.track.gates import Gate, Pylon
 
 PLAN = settings(GuessKind.PLAN)
 OFF = dataclasses.replace(PLAN, search=SearchEffort.OFF)

@@ -13,7 +13,7 @@ from races import SHIPPED, SMALL, models_of
 from search_races import OFF, QUICK, open_session, planned_coarse_solution
 from search_races import optimum as search_optimum
 
-from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
+from airrace.files.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import mesh_check, procedure, pylon_sides
 from airrace.procedure.homotopy import HomotopyOutcome
 from airrace.procedure.multistart.multistart import FoundRoutes

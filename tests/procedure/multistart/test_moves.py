@@ -10,11 +10,10 @@ from races import planned as plan_of
 from search_races import OFF, SLALOM, open_session, optimum, planned_coarse_solution, slalom
 from transformations import mirrored
 
-from airrace.environment import Air
+from airrace.model.environment import Air
 from airrace.optimal_control.mesh_refinement import resample
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
-from airrace.planning.plan import plan
-from airrace.planning.route_decisions import RouteDecisions, candidates
 from airrace.procedure.guess import concatenate, guess, phase_piece
 from airrace.procedure.multistart import coarse_solution
 from airrace.procedure.multistart.coarse_solution import (
@@ -45,8 +44,9 @@ from airrace.procedure.multistart.segments import (
     shape_of,
 )
 from airrace.procedure.multistart.window import END_SPEED_TRUST, EvaluatedMove, Move, apply_moves, evaluate
+from airrace.procedure.planning.plan import plan
+from airrace.procedure.planning.route_decisions import RouteDecisions, candidates
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.quantities import Interval
 from airrace.race import Race
 
 ATTITUDE = slice(4, 8)

@@ -10,7 +10,8 @@ from search_races import SLALOM, open_session, planned_coarse_solution
 from test_moves import each_small_race, own_window
 from transformations import mirrored
 
-from airrace.frames import quaternion, rotation
+from airrace.model.frames import quaternion, rotation
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions
 from airrace.procedure.multistart import moves
 from airrace.procedure.multistart import rolls as roll_moves
@@ -21,7 +22,6 @@ from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import differing, segments_of
 from airrace.procedure.multistart.window import Move, evaluate
 from airrace.race import Race
-from airrace.trajectory import Array
 
 PULLED = "pull instead of push"
 

@@ -24,6 +24,8 @@ from test_moves import own_window
 from transformations import mirrored
 
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
+from airrace.optimal_control.trajectory import Trajectory
+from airrace.pages.views.stage_tables import claim, search_table
 from airrace.procedure import procedure, restart
 from airrace.procedure.multistart import search
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
@@ -41,8 +43,6 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.race import Race
-from airrace.trajectory import Trajectory
-from airrace.views.stage_tables import claim, search_table
 
 SAME = 5e-3  # s
 HALF_CUBAN = SHIPPED["half_cuban_eight"]

@@ -1,0 +1,128 @@
+"""NetCDF files, and datasets of xarray."""
+
+import io
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from airrace.files.export.csv import Provenance
+from airrace.files.export.flight_table import FlightTable
+from airrace.files.export.globe import all_histories, stamp
+from airrace.flights.results import Flight
+from airrace.procedure.result import StageResult
+from airrace.runtime.resources import extra
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+
+def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """Return a netCDF file of all histories in SI units and radians along the dimension `obs`, flight after flight.
+
+    `rowSize` says how many of them belong to each flight, `flight` what it is called. A history that a flight does not
+    have is NaN. Units, meanings and where values come from are attributes.
+    """
+    # Imported here: no other format but MATLAB's needs scipy. ignore: untyped in scipy.
+    from scipy.io import netcdf_file  # pyright: ignore[reportUnknownVariableType]
+
+    buffer = io.BytesIO()
+    file: Any = netcdf_file(buffer, "w", version=2)  # Any: untyped in scipy
+    file.Conventions, file.featureType, file.source = "CF-1.11", "trajectory", "airrace"
+    file.title = _text(", ".join(dict.fromkeys(flight.course.name for flight in flights)))
+    file.createDimension("trajectory", len(flights))
+    file.createDimension("obs", sum(len(flight.time) for flight in flights))
+    _texts(file, "flight", [flight.label for flight in flights], {"cf_role": "trajectory_id", "long_name": "flight"})
+    _texts(file, "track", [flight.course.name for flight in flights], {"long_name": "course of the race"})
+    _texts(file, "aircraft", [flight.aircraft.name for flight in flights], {"long_name": "aircraft that flies"})
+    _texts(file, "stage", [flight.source.stage for flight in flights], {"long_name": "stage of the run"})
+    for name, meaning in _PROPERTIES.items():
+        texts = [flight.stamp.properties()[name] for flight in flights]
+        _texts(file, name, texts, {"long_name": meaning})
+    size = file.createVariable("rowSize", "i", ("trajectory",))
+    size[:] = np.array([len(flight.time) for flight in flights])
+    size.sample_dimension, size.long_name = "obs", "number of observations of this flight"
+    race_time = file.createVariable("race_time", "d", ("trajectory",))
+    race_time[:] = np.array([flight.race_time for flight in flights])
+    race_time.units, race_time.long_name = "s", "race time"
+    time = file.createVariable("time", "d", ("obs",))
+    time[:] = np.concatenate([flight.time for flight in flights])
+    time.units = f"seconds since {stamp(begin, 0.0)[:19].replace('T', ' ')}"
+    time.long_name, time.standard_name, time.axis = "time since the start", "time", "T"
+    for name, history in all_histories(flights).items():
+        variable = file.createVariable(name, "d", ("obs",))
+        variable[:] = np.concatenate([flight.values(name) for flight in flights])
+        variable.units, variable.long_name = history.quantity.unit, _text(history.quantity.text or name)
+        variable.basis = history.basis.value
+    file.flush()
+    content = buffer.getvalue()
+    file.close()
+    return content
+
+
+_PROPERTIES = {
+    "certificate": "whether it is certified, and why not",
+    "air": "air of the day",
+    "pilot": "whose limits the pilot keeps to",
+    "reserve": "what was asked of it in disturbances",
+}
+
+
+def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
+    """Write a variable with a row of characters for each text; the classic format knows no strings."""
+    encoded = [_text(text).encode() for text in texts]
+    width = max(1, *map(len, encoded))
+    file.createDimension(f"{name}_length", width)
+    variable = file.createVariable(name, "c", ("trajectory", f"{name}_length"))
+    variable[:] = np.array([list(text.ljust(width).decode("latin-1")) for text in encoded], "S1")
+    for key, value in about.items():
+        setattr(variable, key, value)
+
+
+def _text(text: str) -> str:
+    """Return a text in ASCII, as the classic format has its attributes."""
+    return text.encode("ascii", "replace").decode()
+
+
+def flight_dataset(flight: FlightTable, result: StageResult, provenance: Provenance) -> "Dataset":
+    """Return all states and controls over the dimension `time` (s), and `height` (m, above the track's origin).
+
+    `phase` is a coordinate: the leg that each time belongs to. Controls are those of the interval in which a time lies.
+
+    Raises:
+        UsageError: xarray is not installed.
+    """
+    xarray: Any = extra("xarray", "a dataset")  # Any: without xarray there are no types
+    histories = flight.samples.histories
+    variables = {
+        quantity.name: (
+            "time",
+            histories[quantity.name],
+            {"units": quantity.unit, "long_name": quantity.text or quantity.name},
+        )
+        for quantity in flight.quantities
+    }
+    if "z" in histories:
+        variables["height"] = ("time", -histories["z"], {"units": "m", "long_name": "height above the track's origin"})
+    return xarray.Dataset(
+        variables,
+        coords={
+            "time": ("time", flight.samples.time, {"units": "s", "long_name": "time since the start"}),
+            "phase": (
+                "time",
+                np.array(flight.phases),
+                {"long_name": "the leg, named after its passings"},
+            ),
+        },
+        attrs={
+            "track": provenance.track,
+            "aircraft": provenance.stamp.aircraft,
+            "stage": result.stage.value,
+            "race_time_s": result.trajectory.race_time if result.is_flight else float("nan"),
+            "status": result.status.value,
+            "certified": str(result.certified).lower(),
+            **provenance.stamp.properties(),
+            "airrace_version": provenance.version,
+        },
+    )

@@ -1,0 +1,329 @@
+"""Placemarks of other programs: points, lines and areas with names, from KML, KMZ, GPX and GeoJSON.
+
+Parts of a geometry of several (`MultiGeometry`, `MultiPolygon`, ...) are placemarks of the same name; two points are a
+line. What has no geometry of these kinds, and the holes of areas, is returned as such, so that it can be reported.
+"""
+
+import io
+import json
+import math
+import re
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from airrace.errors import Finding, InputError
+from airrace.files.inputs.document import read_content
+from airrace.files.inputs.nodes import PLACEMARKS_MAX, SIZE_MAX
+from airrace.flights.logs.reading import DAMAGES, archive_entry, xml_tree
+from airrace.flights.logs.recording import refuse
+from airrace.runtime.standard_streams import name_of
+
+NAMES = ("name", "title", "label")
+"""Attributes that say what a feature is called, whatever the case of their letters."""
+HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
+"""Attributes that say what a feature is, likewise."""
+
+NOTES = ("note", "description", "desc")
+"""Attributes that say more, likewise."""
+
+
+class Subject(Enum):
+    """What a placemark is on a course; `FLIGHT` is a recorded track."""
+
+    ELEMENT = "gate or pylon"
+    OBSTACLE = "obstacle"
+    SAFETY_LINE = "safety line"
+    CROWD = "people"
+    AIRSPACE = "airspace"
+    FLIGHT = "flight"
+
+
+WORDS = (
+    (Subject.OBSTACLE, "obstacles?|hazards?"),
+    (Subject.SAFETY_LINE, "(safety|dead|display|show|no fly) ?lines?|deadline"),
+    (Subject.CROWD, "crowds?|spectators?|public|audience|grandstands?"),
+    (Subject.AIRSPACE, "air ?space|(race|racing|display|flying|aerobatic) (area|box|zone)|boundary|border"),
+    (Subject.ELEMENT, "gates?|pylons?|start|finish|turn|chicane|quad|knife"),
+    (
+        Subject.OBSTACLE,
+        "masts?|cranes?|towers?|lighthouse|antennae?|chimneys?|power ?lines?|wires?|cables?|buildings?|bridge|"
+        "(wind )?turbines?|trees?|silos?|tanks?|stacks?|steeple|church",
+    ),
+    (Subject.CROWD, "people|stands?|visitors?|vip|beach|promenade|tribunes?|car park|parking|camp(ing|site)?"),
+    (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
+)
+"""The words that tell what a placemark is, as regular expressions; the first line of which one is met decides."""
+_PATTERNS = [(subject, re.compile(rf"\b({words})\b")) for subject, words in WORDS]
+_LABEL = re.compile(r"[a-z]{0,3} ?\d{1,3} ?[a-z]?|[a-z]")
+"""Names of elements without a word: `g4`, `P 12`, `7`, `wp3a`, `c`."""
+
+SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
+"""Words that name one of the two pylons of a gate."""
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words and numbers of a name in lower case: `g1_left`, `g1Left` and `G1 left` have the same."""
+    return re.findall(r"[^\W\d_]+|\d+", parted(name).lower())
+
+
+def parted(name: str) -> str:
+    """Return a name with a space before every capital letter that follows on a small one."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+
+
+def subject_in(text: str) -> Subject | None:
+    """Return the subject that the words of a text name; None for none."""
+    words = " ".join(words_of(text))
+    return next((subject for subject, pattern in _PATTERNS if pattern.search(words)), None)
+
+
+class PlacemarkShape(Enum):
+    """The shape of a placemark: its places are one point, the corners of a line, or those of an area; or none of it."""
+
+    POINT = "point"
+    LINE = "line"
+    AREA = "area"
+    OTHER = "other"
+
+
+@dataclass(frozen=True)
+class Placemark:
+    """A place with a name.
+
+    Attributes:
+        name: what it is called; often empty.
+        shape: what its places are.
+        places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
+        hint: words beside it that may say what it is: of attributes, its style, and its folders from the innermost.
+        note: what is said about it.
+    """
+
+    name: str
+    shape: PlacemarkShape
+    places: tuple[tuple[float, float], ...] = ()
+    hint: str = ""
+    note: str = ""
+
+    @cached_property
+    def named_subject(self) -> Subject | None:
+        """The subject by the name alone; None where that does not tell."""
+        element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
+        return subject_in(self.name) or (Subject.ELEMENT if element else None)
+
+    @cached_property
+    def subject(self) -> Subject | None:
+        """The subject by a word of the name, else by the hint; a mere number as a name does not outweigh a flight."""
+        hinted = subject_in(self.hint)
+        return subject_in(self.name) or (hinted if hinted is Subject.FLIGHT else self.named_subject or hinted)
+
+
+@dataclass(frozen=True)
+class _Label:
+    """The words of a placemark: the path of its file for messages, its name, hints at its subject, and a note."""
+
+    path: str
+    name: str = ""
+    hint: str = ""
+    note: str = ""
+
+    @classmethod
+    def of(cls, path: str, name: object, *hints: object, note: object = None) -> "_Label":
+        return cls(path, _one_line(name), _one_line(" / ".join(str(hint) for hint in hints if hint)), _one_line(note))
+
+    def shaped(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
+        """Yield a placemark if its places (longitude first) make one.
+
+        The outline of an area is opened, and a line that ends where it begins is an area.
+        """
+        corners = [_place(self.path, place[1::-1]) for place in places]
+        corners = [corner for corner, _ in groupby(corners)]  # repeated ones once
+        closed = len(corners) > 1 and corners[0] == corners[-1]
+        if shape is PlacemarkShape.LINE and closed and len(corners) > 3:
+            shape = PlacemarkShape.AREA
+        if shape is PlacemarkShape.AREA and closed:
+            corners.pop()
+        least = {PlacemarkShape.POINT: 1, PlacemarkShape.LINE: 2, PlacemarkShape.AREA: 3}[shape]
+        if len(corners) >= least:
+            yield Placemark(self.name, shape, tuple(corners), self.hint, self.note)
+        else:
+            yield Placemark(self.name, PlacemarkShape.OTHER, (), f"{shape.value} of {len(corners)} places")
+
+    def other(self, what: str, suffix: str = "") -> Placemark:
+        """Return what is no placemark of a course; `what` it is."""
+        return Placemark(f"{self.name}{suffix}", PlacemarkShape.OTHER, (), what)
+
+
+def read_placemarks(path: Path) -> list[Placemark]:
+    """Return the placemarks of a file, in its order: KML, KMZ, GPX (waypoints, routes, tracks) or GeoJSON.
+
+    Raises:
+        InputError: there is no such file, it is damaged or too large, or it holds no placemarks.
+    """
+    findings: list[Finding] = []
+    name, content = name_of(path), read_content(path, findings)
+    if content is None:
+        raise InputError(findings)
+    if content.startswith(b"PK"):
+        content = _unpack(name, content)
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<", b"\xff\xfe<", b"\xfe\xff\0<")):
+        root = xml_tree(name, content)
+        marks = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
+    else:
+        marks = list(_of_geojson(name, content))
+    if all(mark.shape is PlacemarkShape.OTHER for mark in marks):
+        refuse(name, 0, "holds no placemarks; expected KML, KMZ, GPX or GeoJSON with points, lines or areas")
+    if len(marks) > PLACEMARKS_MAX:
+        refuse(name, 0, f"holds {len(marks)} placemarks; at most {PLACEMARKS_MAX} are read")
+    return marks
+
+
+def _unpack(path: str, content: bytes) -> bytes:
+    """Return the document of a KMZ, the first of its KML files."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            unpacked = archive.open(archive_entry(path, archive, (".kml",), "a KML document")).read(SIZE_MAX + 1)
+    except DAMAGES as error:
+        refuse(path, 0, f"is a damaged archive: {error}")
+    if len(unpacked) > SIZE_MAX:
+        refuse(path, 0, f"is too large unpacked: at most {SIZE_MAX} bytes are read")
+    return unpacked
+
+
+# KML
+
+
+def _of_kml(path: str, root: Element, folders: str = "") -> Iterator[Placemark]:
+    for element in root:
+        if element.tag == "Placemark":
+            yield from _of_mark(path, element, folders)
+        elif element.tag in ("NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"):
+            yield _Label.of(path, element.findtext("name")).other(element.tag)
+        else:
+            inside = f"{element.findtext('name') or ''} / {folders}" if element.tag == "Folder" else folders
+            yield from _of_kml(path, element, inside)
+
+
+def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
+    attributes = {data.get("name", "").lower(): data.text for data in mark.iter("SimpleData")}
+    attributes |= {data.get("name", "").lower(): data.findtext("value") for data in mark.iter("Data")}
+    name = mark.findtext("name") or _first(attributes, NAMES)
+    note = mark.findtext("description") or _first(attributes, NOTES)
+    label = _Label.of(path, name, *_all(attributes, HINTS), mark.findtext("styleUrl"), folders, note=note)
+    shapes = {"Point": PlacemarkShape.POINT, "LineString": PlacemarkShape.LINE, "LinearRing": PlacemarkShape.AREA}
+    holes = {ring for hole in mark.iter("innerBoundaryIs") for ring in hole.iter("LinearRing")}
+    parts: list[tuple[PlacemarkShape, list[list[str]]]] = []
+    for element in mark.iter():
+        if element in holes:
+            yield label.other("hole in an area", ", a hole")
+        elif element.tag in shapes:
+            text = re.sub(r"\s*,\s*", ",", element.findtext("coordinates") or "")
+            parts.append((shapes[element.tag], [place.split(",") for place in text.split()]))
+        elif element.tag in ("Track", "Model"):
+            yield label.other("track of a flight" if element.tag == "Track" else "three-dimensional model")
+    if not parts and not any(element.tag in ("Track", "Model") for element in mark.iter()):
+        yield label.other("placemark without a geometry")
+    if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:
+        parts = [(PlacemarkShape.LINE, [place for _, places in parts for place in places])]
+    for shape, places in parts:
+        yield from label.shaped(shape, places)
+
+
+# GPX
+
+
+def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
+    def shaped(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
+        name, *hints, note = (element.findtext(tag) for tag in ("name", "type", "sym", "desc"))
+        places = [(point.get("lon", ""), point.get("lat", "")) for point in points]
+        return _Label.of(path, name, *hints, note=note).shaped(shape, places)
+
+    for element in root:
+        if element.tag == "wpt":
+            yield from shaped(element, PlacemarkShape.POINT, [element])
+        elif element.tag == "rte":
+            points = list(element.iter("rtept"))
+            if subject_in(element.findtext("name") or "") in (None, Subject.ELEMENT):
+                for point in points:
+                    yield from shaped(point, PlacemarkShape.POINT, [point])
+            else:
+                yield from shaped(element, PlacemarkShape.LINE, points)
+        elif element.tag == "trk":
+            for segment in element.iter("trkseg"):
+                yield from shaped(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
+
+
+# GeoJSON
+
+
+def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
+    try:
+        root: Any = json.loads(content)  # Any: whatever the file holds; what does not fit raises
+        kind = root["type"]
+        if kind not in ("FeatureCollection", "Feature"):
+            root = {"geometry": root}
+        for entry in root["features"] if kind == "FeatureCollection" else [root]:
+            values: Any = entry.get("properties") or {}
+            properties = {str(key).lower(): value for key, value in values.items()}
+            hints, note = _all(properties, HINTS), _first(properties, NOTES)
+            label = _Label.of(path, _first(properties, NAMES), *hints, note=note)
+            geometry: Any = entry.get("geometry")
+            if geometry is None:
+                yield label.other("feature without a geometry")
+            else:
+                yield from _geometry(label, geometry)
+    except json.JSONDecodeError as error:
+        refuse(path, error.lineno, f"is neither KML, GPX nor GeoJSON: {error.msg}")
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, RecursionError):
+        refuse(path, 0, "is no GeoJSON as RFC 7946 has it: expected a FeatureCollection with geometries")
+
+
+def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON, see above
+    kind, places = geometry["type"], geometry.get("coordinates")
+    match kind:
+        case "Point":
+            yield from label.shaped(PlacemarkShape.POINT, [places])
+        case "LineString":
+            yield from label.shaped(PlacemarkShape.LINE, places)
+        case "MultiPoint" if len(places) == 2:
+            yield from label.shaped(PlacemarkShape.LINE, places)
+        case "Polygon":
+            yield from label.shaped(PlacemarkShape.AREA, places[0])
+            for _ in places[1:]:
+                yield label.other("hole in an area", ", a hole")
+        case "MultiPoint" | "MultiLineString" | "MultiPolygon":
+            for part in places:
+                yield from _geometry(label, {"type": kind.removeprefix("Multi"), "coordinates": part})
+        case "GeometryCollection":
+            for part in geometry["geometries"]:
+                yield from _geometry(label, part)
+        case _:
+            yield label.other(f"geometry of the type `{_one_line(kind)[:40]}`")
+
+
+def _first(attributes: Mapping[str, object], keys: Sequence[str]) -> object:
+    return next(iter(_all(attributes, keys)), None)
+
+
+def _all(attributes: Mapping[str, object], keys: Sequence[str]) -> list[object]:
+    return [attributes[key] for key in keys if attributes.get(key) not in (None, "")]
+
+
+def _one_line(text: object) -> str:
+    return " ".join(("" if text is None else str(text)).split())
+
+
+def _place(path: str, texts: Sequence[object]) -> tuple[float, float]:
+    try:
+        latitude, longitude = (float(str(text)) for text in texts)
+    except ValueError:
+        refuse(path, 0, f"`{', '.join(str(text)[:20] for text in texts)}` is no latitude and longitude")
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and math.isfinite(latitude + longitude)):
+        refuse(path, 0, f"{latitude:g}, {longitude:g} is no latitude and longitude, in degrees")
+    return latitude, longitude

@@ -1,0 +1,1 @@
+"""What a flight says: results, sensitivities, recorded logs, safety."""

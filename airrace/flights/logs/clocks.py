@@ -1,0 +1,257 @@
+"""The clocks of logs: how times are written, in which unit they count, and which of them cannot be true.
+
+Times of flight recorders run back for single samples, begin again at midnight, count whole seconds for several samples,
+and stand in units that no header names. What follows from the samples around a time is followed; the rest is left out.
+"""
+
+import contextlib
+import math
+import re
+from datetime import UTC, datetime, tzinfo
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.flights.logs.recording import count_of, refuse
+from airrace.optimal_control.trajectory import Array
+
+DAY = 86400.0
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?(?: ?([AP])M)?", re.IGNORECASE)
+_ISO = re.compile(r"\d{4}-\d{2}-\d{2}")
+_LEAP = re.compile(r":60(?!\d)")
+TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of numbers that count time, s."""
+
+
+SINCE_1970_MIN = 1e8
+"""From this many seconds on a number counts from 1970, not from the recorder's start."""
+SINCE_1970_MAX = 1e11
+"""Up to this many, s."""
+MOVED_MIN = 50.0
+"""The distance between two samples that tell the speed of the aircraft, m."""
+ROWS_MAX = 200_000
+"""The number of rows that are looked at for the speed, about."""
+RACE_SPEEDS = (15.0, 340.0)
+"""The speeds of aircraft in a race, m/s; they tell units that differ by a factor of 1000."""
+FLIGHT_SPEEDS = (2.0, 1000.0)
+"""The speeds of whatever flies at all, m/s."""
+STRAYS_MAX = 5
+"""The number of samples in a row, with wrong times while those around them agree, that are left out at least."""
+STEP_BACK_SAMPLES = 2000
+"""The number of samples around a step back in which its end is looked for."""
+STEPS_BACK_WORK = 2_000_000
+"""The number of samples that are looked at for all steps back of a log."""
+
+
+def guess_notation(text: str) -> str:
+    """Return how a time is written: `iso`, `clock` (hh:mm:ss) or `number`."""
+    return "iso" if _ISO.match(text) else "clock" if ":" in text else "number"
+
+
+def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
+    """Return seconds, or the number where times count in a unit that is found out later.
+
+    Raises:
+        ValueError: the text is no such time.
+    """
+    if notation == "iso":
+        return iso_seconds(text, zone)
+    if notation == "clock":
+        return _clock_seconds(text)
+    if notation == "hhmmss":
+        whole, _, decimals = text.partition(".")
+        digits = f"{int(whole):06d}"
+        return _clock_seconds(f"{digits[:-4]}:{digits[-4:-2]}:{digits[-2:]}.{decimals or 0}")
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _clock_seconds(text: str) -> float:
+    if match := _CLOCK.fullmatch(text):
+        hours, minutes, seconds = int(match[1]), int(match[2]), float((match[3] or "0").replace(",", "."))
+        if match[4]:
+            hours = hours % 12 + 12 * (match[4] in "Pp")
+        if hours <= 24 and minutes <= 59 and seconds < 61.0:
+            return 3600.0 * hours + 60.0 * minutes + seconds
+    raise ValueError(text)
+
+
+def iso_seconds(text: str, zone: tzinfo | None) -> float:
+    """Return the seconds since 1970 of an ISO 8601 time; where it names no zone, in the given one or UTC.
+
+    A leap second is the second behind the one before.
+
+    Raises:
+        ValueError: it is no such time.
+    """
+    when, leaps = _iso_time(text)
+    return (when if when.tzinfo is not None else when.replace(tzinfo=zone or UTC)).timestamp() + leaps
+
+
+def names_zone(text: str) -> bool:
+    """Return whether an ISO 8601 time names its zone."""
+    return _iso_time(text)[0].tzinfo is not None
+
+
+def _iso_time(text: str) -> tuple[datetime, int]:
+    """Return a time, and 1 where it is the leap second behind it."""
+    plain, leaps = _LEAP.subn(":59", text, count=1)
+    return datetime.fromisoformat(plain), leaps
+
+
+def instant(seconds: float) -> datetime | None:
+    """Return the instant so many seconds after 1970; None where no calendar reaches."""
+    with contextlib.suppress(OverflowError, OSError, ValueError):
+        return datetime.fromtimestamp(seconds, UTC)
+
+
+def unwrap_days(seconds: Array) -> Array:
+    """Return times of a clock that begins again at midnight, s, without these jumps.
+
+    A single time that is wrong by half a day returns as it has come, and so is no midnight.
+    """
+    return np.unwrap(seconds, period=DAY)
+
+
+def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> tuple[float, tuple[str, ...]]:
+    """Return what numbers that count time count in, s, by the speed that they make of the way, and remarks.
+
+    Args:
+        path: of the log, for messages.
+        time: as the numbers stand, shape (n,).
+        places: north and east, m, shape (2, n); NaN where they are not known.
+        unit: that the log or its mapping names, of `TICKS`; empty where none is named.
+        column: of the time, for messages.
+
+    Raises:
+        InputError: the unit that is named cannot be true.
+    """
+    speed = usual_speed(time, places)
+    if math.isnan(speed):  # nothing moves, but numbers that count from 1970 tell their unit by their size
+        large = float(np.median(np.abs(time)))
+        likely = next((name for name, tick in TICKS.items() if large * tick < SINCE_1970_MAX), "s")
+        return TICKS[unit or likely], ()
+    low, high = FLIGHT_SPEEDS if unit else RACE_SPEEDS
+    fitting = [name for name, tick in TICKS.items() if RACE_SPEEDS[0] <= speed / tick <= RACE_SPEEDS[1]]
+    named = unit or "s"
+    if low <= speed / TICKS[named] <= high or not fitting:
+        return TICKS[named], ()
+    likely = fitting[0]
+    if unit:
+        seconds = (time[-1] - time[0]) * TICKS[unit]
+        spans = f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{seconds:.3g} s"
+        refuse(
+            path,
+            0,
+            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {likely}? "
+            f"Then say --column 'time={column} [{likely}]'",
+            column,
+        )
+    return TICKS[likely], (f"times are taken as {likely}: so the aircraft flies at {speed / TICKS[likely]:.0f} m/s",)
+
+
+def usual_speed(time: Array, places: Array) -> float:
+    """Return the median speed over so many samples that some hundred metres are covered; NaN where nothing moves."""
+    finite = np.flatnonzero(np.isfinite(places).all(axis=0))
+    finite = finite[:: max(1, len(finite) // ROWS_MAX)]
+    time, places = time[finite], places[:, finite]
+    lag = 1
+    while lag < len(time):
+        way = np.linalg.norm(places[:, lag:] - places[:, :-lag], axis=0)
+        took = time[lag:] - time[:-lag]
+        moving = (way > MOVED_MIN) & (way < 100.0 * MOVED_MIN) & (took > 0.0)
+        if np.count_nonzero(moving) >= 5 * lag:  # one leap makes as many pairs as the lag has samples
+            return float(np.median(way[moving] / took[moving]))
+        lag *= 2
+    return math.nan
+
+
+def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Return which samples have times that run forwards, and remarks on the others.
+
+    Single times that fit neither of their neighbours are wrong. Where time runs back for good the recorder began
+    again, or its clock was set; the longest part counts.
+
+    Args:
+        path: of the log, for messages.
+        time: s, shape (n,).
+        lines: of the samples, likewise.
+
+    Raises:
+        InputError: time runs back almost everywhere.
+    """
+    keep, cuts, work = np.ones(len(time), bool), [0], 0
+    steps = np.diff(time)
+    back = (np.flatnonzero(steps < 0.0) + 1).tolist()
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    for row in back:
+        if not keep[row]:
+            continue
+        before = row - 1
+        while before > cuts[-1] and not keep[before]:
+            before -= 1
+        if not keep[before] or time[before] <= time[row]:
+            continue
+        late = early = 0  # samples that are late behind their neighbours, and early before them
+        while late < STEP_BACK_SAMPLES and row + late < len(time) and time[row + late] < time[before]:
+            late += 1
+        returns = row + late < len(time)
+        held = before
+        while early < STEP_BACK_SAMPLES and held >= cuts[-1] and (not keep[held] or time[held] > time[row]):
+            early += int(keep[held])
+            held -= 1
+        work += late + before - held
+        if work > STEPS_BACK_WORK:
+            refuse(path, int(lines[row]), "time runs backwards again and again; a log must be in the order of its time")
+        off = float(time[before] - time[row])
+        if not returns and late > STRAYS_MAX:
+            late = STEP_BACK_SAMPLES
+        fewer = min(early, late)
+        if (fewer > STRAYS_MAX and fewer * usual > 0.5 * off) or fewer >= STEP_BACK_SAMPLES:
+            cuts.append(row)
+        elif late <= early:
+            keep[row : row + late] = False
+        else:
+            keep[held + 1 : row] = False
+    remarks: list[str] = []
+    if not keep.all():
+        first = int(lines[np.flatnonzero(~keep)[0]])
+        left = count_of(int((~keep).sum()), "sample")
+        remarks.append(f"{left} left out for times that do not fit those around them, the first one in line {first}")
+    if len(cuts) > 1:
+        parts = list(zip(cuts, [*cuts[1:], len(time)], strict=True))
+        begin, end = max(parts, key=lambda part: int(keep[part[0] : part[1]].sum()))
+        keep[:begin] = keep[end:] = False
+        where = ", ".join(str(lines[row]) for row in cuts[1:4])
+        remarks.append(
+            f"time runs backwards for good in line {where}: only the longest part is read, lines {lines[begin]} to "
+            f"{lines[end - 1]}"
+        )
+    return keep, tuple(remarks)
+
+
+def spread_repeated(time: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return times of which several samples share each one spread over the time to the next, and a remark.
+
+    Recorders of 5 Hz that write whole seconds do so. Where most samples have a time of their own nothing is changed.
+
+    Args:
+        time: s, not falling, shape (n,).
+    """
+    starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
+    counts = np.diff(starts, append=len(time))
+    if len(starts) < 2 or counts[counts > 1].sum() <= 0.5 * len(time):
+        return time, ()
+    often = np.bincount(counts)
+    usual = len(often) - 1 - int(np.argmax(often[::-1]))
+    if usual < 2:
+        return time, ()
+    step = float(np.min(np.diff(time[starts])))
+    group = np.repeat(np.arange(len(starts)), counts)
+    place = np.arange(len(time)) - starts[group]
+    place[group == 0] += max(usual - int(counts[0]), 0)  # what is missing in the first one was not recorded yet
+    share = step / np.maximum(np.append(counts, usual)[group], usual)
+    remark = f"{usual} samples share each time: they are spread evenly over it"
+    return time + place * share, (remark,)

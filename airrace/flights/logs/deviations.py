@@ -1,0 +1,192 @@
+"""How well the passings of a recorded flight are known: standard deviations, from its samples themselves."""
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from airrace.flights.logs.histories import HOLE, between_samples, samples_of
+from airrace.flights.logs.recording import EARTH_RADIUS, Recording, rounding
+from airrace.flights.logs.smoothing import MISSING_FACTOR, STEP, Path
+from airrace.flights.logs.violations import StandardDeviations
+from airrace.flights.results import Flight
+from airrace.flights.results.flight import Basis
+from airrace.model.dynamics.limits import flight_limits
+from airrace.model.environment import g0
+from airrace.optimal_control.trajectory import Array
+
+# By how much passings are less certain than the smoother's own equations say, which take its weights for known.
+# Measured on optima, recorded at 1 to 50 Hz with 0 to 3 m of noise (`scripts/experiments/noisy_logs.py`). Their errors,
+# divided by those deviations, had root mean squares of 0.5 to 2 and tails beyond that of a normal distribution: the
+# greatest ones of a thousand were 8 (over ground), 8 (height), 13 (velocity) and 13 (acceleration).
+ACROSS_FACTOR = 2.3
+"""The factor of the standard deviation over ground; with these factors five deviations are beyond all errors that were
+measured."""
+UP_FACTOR = 2.7
+"""That of heights."""
+VELOCITY_FACTOR = 3.0
+"""That of velocities."""
+ACCELERATION_FACTOR = 4.0
+"""That of accelerations."""
+TIME_FACTOR = 1.5
+"""That of the position for the time of a passing: 68 and 95 % lie within one and two of these deviations."""
+SIDESLIP_MAX = math.radians(15.0)
+"""The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not tell."""
+UNKNOWN_PULL = 25.0
+"""The acceleration that nobody knows of where samples are missing, m/s^2."""
+VERTICAL_RATIO = 1.5
+"""The ratio of the accuracy of heights to that over ground; that of satellites is usually 1.5 to 2 (assumption)."""
+WANDER_RATE = 0.7
+"""The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 10 s, 1/s;
+measured likewise (`--bias`), rounded up."""
+WANDER_RATE_2 = 2.0
+"""That of the acceleration, 1/s^2."""
+TRUNCATION_FACTOR = 2.0
+"""The ratio of the deviation of numbers that may have been cut off to that of rounding: half a step beside it."""
+ROLL_ONSET = 0.1
+"""The time in which an aircraft comes to its greatest rate of roll, s."""
+LOAD_ONSET = 0.2
+"""That in which it comes to its greatest rate of the load factor, s."""
+LOAD_RATE = 25.0
+"""The greatest rate of the load factor, 1/s."""
+WINGS = math.radians(0.1)
+"""The angle by which the wings may lie otherwise across the path, for there is sideslip, rad."""
+COSINE_MIN = 0.1
+"""The least cosine between path and axis that is counted."""
+BAROMETER = 70.0
+"""The standard deviation of heights by the standard atmosphere, m: of 8 hPa."""
+
+
+def place_roundings(placed: Recording) -> Array:
+    """Return the standard deviations of rounding of north, east and up, m, shape (3,)."""
+    columns = placed.columns
+    roundings = [rounding(columns[name]) for name in ("x", "y")]
+    if "latitude" in columns:
+        narrow = math.cos(float(np.nanmedian(columns["latitude"])))
+        roundings = [
+            EARTH_RADIUS * rounding(columns["latitude"]),
+            EARTH_RADIUS * narrow * rounding(columns["longitude"]),
+        ]
+    return np.array([*roundings, rounding(columns["height"])])
+
+
+def is_measured(flight: Flight, name: str) -> bool:
+    """Return whether a history was recorded."""
+    return name in flight and flight.basis(name) is Basis.MEASURED
+
+
+def deviations_of(
+    part: Recording,
+    path: Path,
+    least: Array,
+    flight: Flight,
+    offset: float,
+    axes: Mapping[str, float],
+    *,
+    bias: float = 0.0,
+    late: float = 0.0,
+    tilt: float = 0.0,
+) -> Callable[[float], StandardDeviations]:
+    """Return how well the flight is known at a time of its clock, s.
+
+    Args:
+        part: of the recording, that was smoothed.
+        path: smoothed from it.
+        least: standard deviations of rounding of the positions, by axis, m, shape (3,).
+        flight: with its histories.
+        offset: of the flight's clock on that of the recording, s.
+        axes: along which each element was passed, rad, by the names of the passages. Where the path is slanted to it,
+            an error of the position makes a greater one of the time, and of the place on the line.
+        bias: by which all heights may be off together, m.
+        late, tilt: by which all recorded rolls may be late, s, and off together, rad.
+    """
+    limits = flight_limits(flight.aircraft, flight.course.rules)
+    roll_rate, sideslip = limits.p_Kbar.upper, min(limits.beta_A.upper, SIDESLIP_MAX)
+    roll = _ErrorHistory(part, "phi", roll_rate, ROLL_ONSET) if is_measured(flight, "phi") else None
+    load = _ErrorHistory(part, "n_z", LOAD_RATE, LOAD_ONSET) if is_measured(flight, "n_z") else None
+    full = is_measured(flight, "theta") and is_measured(flight, "psi")
+    accuracy = part.accuracy
+    zero = math.hypot(bias, BAROMETER if part.barometric else 0.0, VERTICAL_RATIO * accuracy)
+    straight = {
+        crossing.time: max(abs(math.cos(crossing.value("chi") - axes[crossing.name])), COSINE_MIN)
+        for crossing in flight.crossings
+        if crossing.found and crossing.name in axes
+    }
+    half_span = 0.5 * flight.aircraft.airframe.b
+    places = part.time[np.isfinite(part.columns["x"])]
+    usual = float(np.median(np.diff(places)))
+
+    def at(time: float) -> StandardDeviations:
+        raw = path.deviations(np.array([offset + time]))[:, :, 0]
+        place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
+        between = float(places[place] - places[place - 1])
+        step = between if between > MISSING_FACTOR * usual else 0.0
+        outside = max(places[0] - (offset + time), offset + time - places[-1], 0.0)  # the path goes straight on there
+        lost = UNKNOWN_PULL * math.hypot(step**2 / 8.0, outside**2 / 2.0)
+        across, along = (
+            math.hypot(factor * float(raw[0, :2].max()), rounded * float(least[:2].max()), lost, accuracy)
+            / straight.get(time, 1.0)
+            for factor, rounded in ((ACROSS_FACTOR, 1.0), (TIME_FACTOR, TRUNCATION_FACTOR))
+        )
+        row = int(np.argmin(np.abs(flight.time - time)))
+        V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))
+        speed = math.hypot(
+            VELOCITY_FACTOR * float(raw[1].max()),
+            WANDER_RATE * accuracy,
+            UNKNOWN_PULL * math.hypot(step / 4.0, outside),
+        )
+        pull = math.hypot(ACCELERATION_FACTOR * float(raw[2].max()), WANDER_RATE_2 * accuracy)
+        direction = math.atan2(speed, max(V_K, 1.0))
+        when = along / max(V_K * math.cos(gamma), 1.0)
+        turned = math.hypot(direction, when * abs(n_z) * g0 / max(V_K, 1.0))
+        up = math.hypot(UP_FACTOR * float(raw[0, 2]), float(least[2]), zero, lost, when * V_K * math.sin(gamma))
+        bank = math.nan
+        if roll is not None:
+            pitch = abs(gamma) + abs(float(flight.values("alpha_A")[row]))
+            slipping = 0.0 if full else sideslip * math.sin(min(pitch, 0.5 * math.pi))
+            own, seen = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
+            bank = math.hypot(own, seen, slipping, tilt, WINGS)
+        if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
+            rolled = roll_rate * max(between, STEP)
+            bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
+        tip = half_span * math.sin(min(bank, 0.5 * math.pi))
+        load_deviation = pull / g0 if load is None else load.deviation(offset + time, when)
+        return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, load_deviation, when)
+
+    return at
+
+
+class _ErrorHistory:
+    """A recorded history, and how well it is known.
+
+    Args:
+        recording: with samples of the history.
+        name: of the history.
+        fastest: its greatest rate, in its unit per second.
+        onset: in which it comes to that, s.
+    """
+
+    def __init__(self, recording: Recording, name: str, fastest: float, onset: float) -> None:
+        self.recording, self.name, self.fastest, self.onset = recording, name, fastest, onset
+        self.time, self.values = samples_of(recording, name)
+        third = np.abs(np.diff(self.values, 3))
+        noise = float(np.median(third)) / (0.6745 * math.sqrt(20.0)) if len(third) else 0.0
+        self.noise = math.hypot(noise, rounding(self.values))
+
+    def deviation(self, time: float, when: float) -> float:
+        """Return the standard deviation at a time that is known to `when`, in the unit of the history.
+
+        It is that of the samples, of what is lost between them, and of the rate of the history times that of the time.
+        What is lost shows in the bend of the samples, but not all of it where they are far apart: of what the greatest
+        rate and its onset allow a third counts. NaN where there are no samples around.
+        """
+        t, v = self.time, self.values
+        row = int(np.searchsorted(t, time))
+        if not 0 < row < len(t) or t[row] - t[row - 1] > HOLE:
+            return math.nan
+        around = np.clip(np.arange(row - 2, row + 3), 0, len(t) - 1)
+        rates = np.abs(np.diff(v[around])) / np.maximum(np.diff(t[around]), 1e-6)
+        bend = float(between_samples(self.recording, self.name, np.array([time]))[0])
+        step = float(t[row] - t[row - 1])
+        lost = self.fastest * min(step / 2.0, step**2 / (8.0 * self.onset)) / 3.0
+        return math.hypot(bend, lost, float(rates.max()) * when, self.noise)

@@ -1,0 +1,34 @@
+"""One flight, whatever its source: the optimum of a stage or a recorded flight, with the same named histories."""
+
+from airrace.flights.results.derivation import flight_of
+from airrace.flights.results.flight import (
+    Basis,
+    Confirmation,
+    Flight,
+    Histories,
+    History,
+    Lap,
+    Leg,
+    Source,
+    TimedCrossing,
+    laps_of,
+    legs_of,
+)
+from airrace.flights.results.stamp import ReserveState, Stamp
+
+__all__ = [
+    "Basis",
+    "Confirmation",
+    "Flight",
+    "Histories",
+    "History",
+    "Lap",
+    "Leg",
+    "ReserveState",
+    "Source",
+    "Stamp",
+    "TimedCrossing",
+    "flight_of",
+    "laps_of",
+    "legs_of",
+]

@@ -1,0 +1,60 @@
+"""What disturbs a flight in closed loop, and by how much where nothing else is said."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from airrace.optimal_control.quantities import KNOT
+
+WIND_ERROR_KT = 2.5
+"""The standard deviation of either horizontal component of the wind, kt."""
+MASS_ERROR_PERCENT = 2.0
+"""That of the mass."""
+POWER_ERROR_PERCENT = 2.0
+"""That of the power."""
+DENSITY_ERROR_PERCENT = 1.0
+"""That of the air's density."""
+ROLL_TIMING = 0.02
+"""That of the time by which rolls begin late or early, s; a judgement."""
+PILOT_DELAY = 0.1
+"""The time from what the pilot sees to the stick that moves, s; see `airrace.flights.safety.pilot`."""
+
+
+class Gusts(StrEnum):
+    """An intensity of turbulence."""
+
+    NONE = "none"
+    LIGHT = "light"
+    MODERATE = "moderate"
+    SEVERE = "severe"
+
+    @property
+    def wind_at_20_ft(self) -> float:
+        """The wind at 20 ft that belongs to it by MIL-F-8785C: 15, 30 and 45 kt; m/s."""
+        return KNOT * {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}[self.value]
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """The standard deviations of what is not as it was when the race was optimised, and the gusts.
+
+    Attributes:
+        gusts: the turbulence.
+        wind: of either horizontal component of the wind, m/s: an error of its speed as well as of its direction.
+        mass, power, density: shares.
+        timing: of the time by which the ailerons come late, or early, on a leg, s.
+    """
+
+    gusts: Gusts = Gusts.LIGHT
+    wind: float = WIND_ERROR_KT * KNOT
+    mass: float = 0.01 * MASS_ERROR_PERCENT
+    power: float = 0.01 * POWER_ERROR_PERCENT
+    density: float = 0.01 * DENSITY_ERROR_PERCENT
+    timing: float = ROLL_TIMING
+
+    @property
+    def constant(self) -> tuple[float, ...]:
+        """The standard deviations of a `Disturbance` that lasts for the flight, six of them."""
+        return (self.wind, self.wind, 0.0, self.mass, self.power, self.density)
+
+
+UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=0.0)

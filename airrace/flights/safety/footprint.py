@@ -1,0 +1,371 @@
+"""The footprint of flights: the ground that is met where an aircraft fails, instant by instant, and who stands there.
+
+At every instant the aircraft may begin to fall. The impact lies between the fall in vacuum and that with the drag area,
+as wide as the aircraft to either side, and from instant to instant this stretch sweeps over the ground. With its power
+lost it glides instead: straight on, or anywhere within the hull of what its best glide reaches behind a turn.
+
+This is mechanics, not the formula of an authority, and no prediction either: an aircraft that breaks up, spins, or is
+under control falls elsewhere, wreckage slides on, and light pieces drift with the wind.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from airrace.errors import UsageError
+from airrace.flights.results.flight import Flight
+from airrace.flights.safety.falls_and_glides import (
+    AirColumn,
+    Glide,
+    Impacts,
+    Reach,
+    States,
+    best_glide,
+    fall_in_vacuum,
+    fall_with_drag,
+    level_fall_distance,
+    reach,
+)
+from airrace.flights.safety.outlines import Outline, Raster
+from airrace.model.environment import g0
+from airrace.model.track.course import Crowd, CrowdShape
+from airrace.optimal_control.trajectory import Array
+from airrace.procedure.planning.clearance import ground_distance
+from airrace.race import Race
+
+NOT_AN_AUTHORITYS = (
+    "Free fall and best glide as mechanics has them: not the scatter formula of any authority, and no prediction. "
+    "Break-up, spin, sliding wreckage, drifting pieces and the pilot's decisions are not in it."
+)
+NEEDED = ("x", "y", "height", "V_K", "chi", "gamma")
+"""The histories of a flight without which nothing falls."""
+
+
+@dataclass(frozen=True)
+class FootprintSettings:
+    """How finely a footprint is computed.
+
+    Attributes:
+        rate: instants per second of a flight: 2 m apart at 100 m/s.
+        glide_every: of how many of them one is looked at without power: its reach changes slowly.
+        stretch: points of the stretch between both falls of which distances are measured; it is some 50 m long.
+        cells: of the raster of the outline along its longer edge: some 2 m each.
+        step: of the outlines of crowds, m, and of the way of a glide, of which it is asked whether they are met.
+    """
+
+    rate: float = 50.0
+    glide_every: int = 5
+    stretch: int = 17
+    cells: int = 800
+    step: float = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The instants of one flight.
+
+    Attributes:
+        label: what people call it.
+        time: s, rising, shape (n,).
+        states: at these times.
+    """
+
+    label: str
+    time: Array
+    states: States
+
+    @classmethod
+    def from_flight(cls, flight: Flight, rate: float = FootprintSettings().rate) -> "Track":
+        """Return the instants of a flight at a rate (1/s); those at which it knows no height are left out.
+
+        Raises:
+            UsageError: it knows neither place nor velocity.
+        """
+        missing = [name for name in NEEDED if name not in flight]
+        if missing:
+            raise UsageError(f"{flight.label} has no footprint: it does not know {', '.join(missing)}")
+        time = flight.times_at_rate(rate)
+        states = States.from_flight(flight, time)
+        known = np.isfinite(states.place).all(axis=1) & np.isfinite(states.velocity).all(axis=1)
+        if not known.any():
+            raise UsageError(f"{flight.label} has no footprint: its height or its velocity is known nowhere")
+        return cls(flight.label, time[known], States(states.place[known], states.velocity[known]))
+
+
+@dataclass(frozen=True)
+class CrowdExposure:
+    """How near impacts come to one group of people.
+
+    Attributes:
+        crowd: the people.
+        distance: least distance over ground of an impact from them, half the span taken off, m; zero where one hits.
+        label, time: the flight, and when the aircraft begins to fall there, s.
+        seconds: for how long falls that begin meanwhile hit them, s, over all flights.
+        overlap: the share of the footprint on their area, m2; zero for points and lines.
+        straight_seconds: for how long a glide straight on would lead over them, s.
+        turned_seconds: for how long they lie within reach of a glide behind a turn, s.
+    """
+
+    crowd: Crowd
+    distance: float
+    label: str
+    time: float
+    seconds: float
+    overlap: float
+    straight_seconds: float
+    turned_seconds: float
+
+    @property
+    def measures(self) -> tuple[str | float, ...]:
+        """All of it but the people, in its order."""
+        return (
+            *(self.distance, self.label, self.time, self.seconds, self.overlap),
+            *(self.straight_seconds, self.turned_seconds),
+        )
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """The impact footprint of some flights.
+
+    Attributes:
+        race: course, aircraft and air.
+        tracks: the flights.
+        drag_area: C_D A of the fall with drag, m2, and `drag_source`, where it comes from.
+        glide: the best one; `glide_source` likewise.
+        vacuum, drag: the falls from every instant, flight after flight.
+        reach: without power, from every `glide_every`th instant of every flight.
+        settings: how finely it is computed.
+    """
+
+    race: Race
+    tracks: tuple[Track, ...]
+    drag_area: float
+    drag_source: str
+    glide: Glide
+    glide_source: str
+    vacuum: Impacts
+    drag: Impacts
+    reach: Reach
+    settings: FootprintSettings
+
+    @property
+    def half_span(self) -> float:
+        """The width of the footprint to either side of an impact, m."""
+        return 0.5 * self.race.aircraft.airframe.b
+
+    @cached_property
+    def time(self) -> Array:
+        """The times of all instants, s, shape (n,)."""
+        return np.concatenate([track.time for track in self.tracks])
+
+    @cached_property
+    def states(self) -> States:
+        """The states of all instants."""
+        return _join(self.tracks)
+
+    @property
+    def labels(self) -> list[str]:
+        """The flights that the instants belong to, by label."""
+        return [track.label for track in self.tracks for _ in track.time]
+
+    @cached_property
+    def glide_rows(self) -> np.ndarray:
+        """The instants of `reach` among all of them."""
+        rows = np.arange(len(self.time))
+        return np.concatenate([rows[row][:: self.settings.glide_every] for row in self._rows()])
+
+    @cached_property
+    def lengths(self) -> dict[str, Array]:
+        """The ways over ground from the aircraft to the impact, m, shape (n,): `vacuum`, `drag`, and of the check with
+        the speed and the height of the moment as if flight were level, `level`.
+        """
+        place = self.states.place[:, :2]
+        fallen = {"vacuum": self.vacuum, "drag": self.drag}
+        ways = {name: np.linalg.norm(one.place - place, axis=1) for name, one in fallen.items()}
+        return {**ways, "level": level_fall_distance(self.states.speed, self.states.place[:, 2])}
+
+    @cached_property
+    def raster(self) -> Raster:
+        """The ground that falls meet."""
+        swept = ((self.vacuum.place[rows], self.drag.place[rows]) for rows in self._rows())
+        return Raster.from_stretches(swept, self.half_span, self.settings.cells)
+
+    @cached_property
+    def falls(self) -> tuple[Outline, ...]:
+        """The outline of the ground that falls meet."""
+        return self.raster.outlines()
+
+    @cached_property
+    def glides(self) -> Outline:
+        """The hull of the ground within reach without power."""
+        points = self.reach.turned.reshape(-1, 2)
+        hull = ConvexHull(points)
+        return Outline(points[hull.vertices[::-1]])  # of north and east counterclockwise is clockwise from above
+
+    @cached_property
+    def crowds(self) -> tuple[CrowdExposure, ...]:
+        """How near impacts come to people, in the order of the course."""
+        return tuple(self._exposure(crowd) for crowd in self.race.course.crowd)
+
+    def distances(self, crowd: Crowd) -> Array:
+        """Return the least distance of every impact from people, half the span taken off, m, shape (n,)."""
+        away = np.full(len(self.time), np.inf)
+        for share in np.linspace(0.0, 1.0, self.settings.stretch).tolist():
+            points = self.vacuum.place + share * (self.drag.place - self.vacuum.place)
+            away = np.minimum(away, ground_distance(points, crowd))
+        return np.maximum(away - self.half_span, 0.0)
+
+    def _exposure(self, crowd: Crowd) -> CrowdExposure:
+        away = self.distances(crowd)
+        row, every = int(np.argmin(away)), self.settings.glide_every
+        overlap = 0.0
+        if crowd.shape is CrowdShape.AREA and away[row] == 0.0:
+            covered = self.raster.centres[self.raster.inside > 0.0]
+            overlap = float((ground_distance(covered, crowd) == 0.0).sum()) * self.raster.cell**2
+        straight, turned = self._glides_to(crowd)
+        steps = np.concatenate([_spans(track.time) for track in self.tracks])
+        glide_steps = np.concatenate([_spans(track.time[::every]) for track in self.tracks])
+        seconds = steps[away == 0.0], glide_steps[straight], glide_steps[turned]
+        label, (hit, led, reached) = self.labels[row], (float(one.sum()) for one in seconds)
+        return CrowdExposure(crowd, float(away[row]), label, float(self.time[row]), hit, overlap, led, reached)
+
+    def _glides_to(self, crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
+        """Return from which instants a glide straight on leads over people, and from which they are within reach."""
+        begin, step = self.states.place[self.glide_rows, :2], self.settings.step
+        end, ring = self.reach.straight, self.reach.turned
+        outline = _outline(crowd, step)
+        straight = np.full(len(begin), np.inf)
+        for share in np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(end - begin, axis=1).max() / step)).tolist():
+            straight = np.minimum(straight, ground_distance(begin + share * (end - begin), crowd))
+        turned = _within(outline, ring).any(axis=1) | (ground_distance(ring, crowd) == 0.0).any(axis=1)
+        return straight <= max(self.half_span, 0.5 * step), turned
+
+    def _rows(self) -> list[slice]:
+        """Return the rows of every flight."""
+        ends = np.cumsum([0, *(len(track.time) for track in self.tracks)]).tolist()
+        return [slice(begin, end) for begin, end in pairwise(ends)]
+
+    def as_object(self) -> dict[str, object]:
+        """Return it for JSON, in SI units."""
+        lengths = {f"{name}_farthest_m": float(length.max()) for name, length in self.lengths.items()}
+        keys = ("distance_m", "flight", "time_s", "hit_s", "overlap_m2", "glide_straight_s", "glide_turned_s")
+        return {
+            "flights": [track.label for track in self.tracks],
+            "aircraft": self.race.aircraft.name,
+            "drag_area_m2": self.drag_area,
+            "drag_area_source": self.drag_source,
+            "glide_ratio": self.glide.ratio,
+            "glide_ratio_source": self.glide_source,
+            "glide_speed_m_s": self.glide.speed,
+            "falls": {**lengths, "time_longest_s": float(self.vacuum.time.max())},
+            "glide_straight_m": [float(self.reach.distance.min()), float(self.reach.distance.max())],
+            "crowds": [
+                {
+                    "name": crowd.crowd.name,
+                    "rule_m": crowd.crowd.distance,
+                    **dict(zip(keys, crowd.measures, strict=True)),
+                }
+                for crowd in self.crowds
+            ],
+            "outlines": {"falls": _rings(self.falls), "glides": _rings([self.glides])},
+            "remark": NOT_AN_AUTHORITYS,
+        }
+
+
+def footprint_of(
+    race: Race,
+    tracks: Sequence[Track],
+    *,
+    drag_area: float | None = None,
+    glide_ratio: float | None = None,
+    settings: FootprintSettings | None = None,
+) -> Footprint:
+    """Return the impact footprint of flights of one race.
+
+    Args:
+        race: course, aircraft and air; the ground is flat, at the height of the course's origin.
+        tracks: their instants, at least one.
+        drag_area: C_D A of a falling aircraft, m2; None for `C_D0 S`, the least that its airframe has.
+        glide_ratio: that of the handbook; None for that of the polar.
+        settings: how finely; None for the defaults.
+
+    Raises:
+        UsageError: a drag area or a glide ratio that no aircraft has.
+    """
+    # A judgement: above these bounds lie a parachute and every glider.
+    for name, value, most, unit in (("drag area", drag_area, 1000.0, " m2"), ("glide ratio", glide_ratio, 70.0, "")):
+        if value is not None and not 0.0 < value <= most:
+            raise UsageError(f"a {name} of {value:g}{unit} is out of range: it must lie above 0 and not above {most:g}")
+    settings, aircraft = settings or FootprintSettings(), race.aircraft
+    states = _join(tracks)
+    top = float((states.place[:, 2] + np.maximum(states.velocity[:, 2], 0.0) ** 2 / (2.0 * g0)).max())
+    air = AirColumn.from_air(race.air, top)
+    area = aircraft.drag.C_D0 * aircraft.airframe.S if drag_area is None else drag_area
+    glide = best_glide(aircraft, float(np.interp(0.0, air.height, air.density)), glide_ratio)
+    return Footprint(
+        race,
+        tuple(tracks),
+        drag_area=area,
+        drag_source="C_D0 times wing area, the least drag of the airframe" if drag_area is None else "given",
+        glide=glide,
+        glide_source="the aircraft's polar, without the drag of the propeller" if glide_ratio is None else "given",
+        vacuum=fall_in_vacuum(states),
+        drag=fall_with_drag(states, air, mass=aircraft.airframe.m, drag_area=area),
+        reach=reach(_join(tracks, settings.glide_every), air, glide),
+        settings=settings,
+    )
+
+
+def _join(tracks: Sequence[Track], every: int = 1) -> States:
+    """Return the states of all flights one behind the other, every so many of each."""
+    places, velocities = zip(
+        *((track.states.place[::every], track.states.velocity[::every]) for track in tracks), strict=True
+    )
+    return States(np.concatenate(places), np.concatenate(velocities))
+
+
+def _spans(time: Array) -> Array:
+    """Return the time that every sample stands for: half of the steps on both sides, s."""
+    middles = 0.5 * (time[:-1] + time[1:])
+    return np.diff(np.concatenate([time[:1], middles, time[-1:]]))
+
+
+def _outline(crowd: Crowd, step: float) -> Array:
+    """Return points of where people stand, so far apart, m, shape (n, 2)."""
+    corners = [(corner.north, corner.east) for corner in crowd.corners]
+    corners = [*corners, corners[0]] if crowd.shape is CrowdShape.AREA else corners
+    points = [np.array(corners[:1])]
+    for a, b in pairwise(corners):
+        points.append(np.linspace(a, b, 2 + int(math.dist(a, b) / step)))
+    return np.concatenate(points)
+
+
+def _within(points: Array, rings: Array) -> np.ndarray:
+    """Return whether points (k, 2) lie within rings (n, m, 2), shape (n, k).
+
+    A ray from inside to the north crosses the ring an odd number of times.
+    """
+    found = np.zeros((len(rings), len(points)), bool)
+    north, east = points[:, 0], points[:, 1]
+    for corner in range(rings.shape[1]):
+        a, b = rings[:, corner - 1, None], rings[:, corner, None]
+        wide = np.where(a[..., 1] == b[..., 1], 1.0, b[..., 1] - a[..., 1])
+        level = a[..., 0] + (east - a[..., 1]) / wide * (b[..., 0] - a[..., 0])
+        found ^= ((a[..., 1] > east) != (b[..., 1] > east)) & (level > north)
+    return found
+
+
+def _rings(outlines: Sequence[Outline]) -> list[dict[str, object]]:
+    return [
+        {
+            "border": np.round(outline.border, 2).tolist(),
+            "holes": [np.round(hole, 2).tolist() for hole in outline.holes],
+        }
+        for outline in outlines
+    ]

@@ -1,0 +1,1 @@
+"""What flies, where and in what air: frames, aircraft, environment, course, dynamics."""

@@ -1,0 +1,252 @@
+"""A report about flights as one file: style, script, contents and tables in a page that can load nothing from anywhere.
+
+The page's own policy says so to the browser: only the script and the styles whose hashes it names run or apply, and
+there is no address from which anything could be fetched. Pictures exist only as data within the page.
+"""
+
+import base64
+import hashlib
+import html
+import math
+import string
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from airrace.flights.results import Flight, laps_of
+from airrace.flights.results.clearances import near_misses
+from airrace.flights.results.comparison import Comparison, compare_flights, conditions
+from airrace.flights.results.cues import cues_of
+from airrace.flights.results.flight_facts import Range, leg_facts, sustained_loads
+from airrace.flights.results.time_loss import time_loss
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.report.contents import as_json, clock_start, contents_of
+from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
+from airrace.pages.report.sections import capitalise, note, number, section, table_section
+from airrace.pages.views.comparison_tables import lost_table
+from airrace.pages.views.map_model import MapModel, by_loss, by_speed, map_model
+from airrace.pages.views.plain_text import escape_html, plain
+from airrace.pages.views.plan_svg import plan_svg
+from airrace.pages.views.stage_tables import NOTE, cue_table, distance_table
+from airrace.pages.views.tables import Cell, Column, Table
+
+if TYPE_CHECKING:
+    from airrace.flights.safety.monte_carlo import SafetyResult
+
+STYLES = (LIBRARIES / "uplot" / "uPlot.min.css", FOLDER / "style" / "page.css")
+SCENE_ALONE = """/* Nothing but the scene and its transport, in the whole window. */
+.mast, .tables, .strips-head, .strips, .plan, footer, .transport .full { display: none !important; }
+body, main, .stage { margin: 0; padding: 0; max-width: none; }
+.watch { display: grid; grid-template-rows: minmax(0, 1fr) auto; height: 100vh; gap: 0; }
+.watch .scene { height: 100%; border: 0; border-radius: 0; }
+"""
+READINGS = (
+    ("Indicated", "V_I", "kt", 0, 0),
+    ("Height", "height", "m", 0, 0),
+    ("Load factor", "n_z", "g", 1, 0),
+    ("Bank", "mu", "°", 0, 360),
+    ("Roll rate", "p_Kbar", "°/s", 0, 0),
+    ("Climb", "gamma", "°", 0, 0),
+)
+"""Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
+
+
+def flight_page(
+    flights: Sequence[Flight],
+    sections: Sequence[str] = (),
+    footer: str = "",
+    *,
+    claimed: bool = False,
+    envelope: "SafetyResult | None" = None,
+    style: str = "",
+) -> str:
+    """Return the page about some flights as HTML.
+
+    Args:
+        flights: the first is what the page is about, the others fly beside it as its ghosts.
+        sections: HTML of further sections, which stand below the legs; empty ones are left out.
+        footer: plain text.
+        claimed: whether `sections` hold one called `claim`, to which the badge leads: what is claimed of the first
+            flight, and what is not.
+        style: CSS that comes after the page's own, such as `SCENE_ALONE`.
+
+    Raises:
+        UsageError: a flight is of a course with other passings.
+    """
+    first = flights[0]
+    comparisons = [compare_flights(first, other) for other in flights[1:]]
+    losses = [comparison_section(one) for one in comparisons]
+    facts = [flights_section(flights), legs_section(first), distances_section(first), cues_section(first)]
+    map_ = map_model(first.race)
+    lost = [loss_section(one, map_) for one in comparisons]
+    sections = [*lost, *facts, *losses, *sections]
+    track = np.stack([first["x"], first["y"]], axis=1)
+    style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
+    script = page_script()
+    misses = len(near_misses(first))
+    near = f", {misses} pylons too near" if misses else ""
+    confirmation = first.source.confirmation
+    unsure = confirmation is not None and confirmation.verified is None
+    refuted = confirmation is not None and confirmation.verified is False
+    outcome = "" if confirmation is None or confirmation.verified else f"; {confirmation.outcome}"
+    good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
+    look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
+    words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
+    verdict = f"<div {look}>{words}</div>"
+    if claimed:
+        verdict = f'<a {look} href="#claim" title="What this says, and what it does not">{words}</a>'
+    template = string.Template((FOLDER / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
+        policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "
+        "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
+        title=html.escape(plain(first.course.name)),
+        heading=escape_html(first.course.name),
+        subtitle=escape_html(_subtitle(first)),
+        stamp=escape_html(first.stamp.text),
+        race_time=number(first.race_time, 3),
+        verdict=verdict,
+        readings="".join(
+            f'<div><dt>{title}</dt><dd><span data-history="{history}" data-digits="{digits}" data-wraps="{wraps}">'
+            f"</span><small>{unit}</small></dd></div>"
+            for title, history, unit, digits, wraps in READINGS
+            if history in first
+        ),
+        plan=plan_svg(map_.with_track(track), by_speed(track, first["V_K"])),
+        sections="\n".join(filter(None, sections)),
+        footer=escape_html(footer),
+        style=style,
+        contents=as_json(contents_of(flights, comparisons, map_, envelope)),
+        script=script,
+    )
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+
+
+def _subtitle(flight: Flight) -> str:
+    """Return a line that says which aircraft flies, at which stage, and in which wind."""
+    wind = flight.air.wind
+    blowing = "calm air"
+    if wind is not None and wind.speed > 0.0:
+        blowing = f"wind {wind.speed / KNOT:.0f} kt from {round(math.degrees(wind.origin)) % 360:03d}°"
+    return ", ".join(text for text in (flight.aircraft.name, flight.source.stage, blowing) if text)
+
+
+def flights_section(flights: Sequence[Flight]) -> str:
+    """Return a table of all flights with their race times; empty where there is only one."""
+    if len(flights) < 2:
+        return ""
+    first = flights[0]
+    columns = (
+        Column("flight"),
+        Column("aircraft"),
+        Column("race time", "s", ".3f"),
+        Column("difference", "s", "+z.3f"),
+        Column("state"),
+    )
+    rows = [
+        (
+            Cell(flight.label, flight=place),
+            flight.aircraft.name,
+            flight.race_time,
+            "" if flight is first else flight.race_time - first.race_time,
+            flight.source.state or "recorded",
+        )
+        for place, flight in enumerate(flights)
+    ]
+    remark = "The first flight is the one that the page is about; the others fly beside it on the same clock."
+    return table_section(Table("Flights", columns, rows, [remark]))
+
+
+def legs_section(flight: Flight) -> str:
+    """Return a table of what a flight does leg by leg, and of what it comes near to."""
+    columns = (
+        Column("to"),
+        Column("at", "s", ".3f"),
+        Column("leg", "s", ".3f"),
+        Column("indicated", "kt", ".0f"),
+        Column("over ground", "kt", ".0f"),
+        Column("load factor", "g", ".1f"),
+        Column("height", "m", ".0f"),
+        Column("roll rate", "°/s, most", ".0f"),
+        Column("energy height", "m, at the end", ".0f"),
+        Column("nearest", "m", "z.1f"),
+        Column("required", "m", "z.1f"),
+        Column("to what"),
+    )
+    begin = clock_start(flight)
+    rows: list[tuple[Cell | str | float | None, ...]] = []
+    for one in leg_facts(flight):
+        leg, nearest = one.leg, one.clearances[0] if one.clearances else None
+        rows.append(
+            (
+                Cell(leg.name, time=leg.before.time - begin if leg.before.found else None),
+                leg.after.time - begin,
+                leg.time,
+                _range(one.V_I, KNOT, 0),
+                _range(one.V_K, KNOT, 0),
+                _range(one.n_z, 1.0, 1),
+                _range(one.height, 1.0, 0),
+                math.degrees(one.roll_rate),
+                one.energy_out,
+                *((None, None, "") if nearest is None else (nearest.distance, nearest.required, nearest.text)),
+            )
+        )
+    notes: list[str] = []
+    if len(laps := laps_of(flight)) > 1:
+        notes.append(f"Laps: {', '.join(f'{lap.number} in {number(lap.time, 3)} s' for lap in laps)}.")
+    misses = [
+        f"{one.clearance.name} ({number(one.clearance.distance, 2)} m, {one.where})" for one in near_misses(flight)
+    ]
+    if misses:
+        notes.append(f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}.")
+    notes += [f"Warning: {one.text}." for one in sustained_loads(flight)]
+    return table_section(Table("Legs", columns, rows, notes, by_leg=True))
+
+
+def distances_section(flight: Flight) -> str:
+    """Return a table of the least distance from every thing on the course; empty where nothing is known."""
+    remark = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
+    table = distance_table(flight, "Least distances", begin=clock_start(flight), notes=[remark])
+    return table_section(table) if table.rows else ""
+
+
+def cues_section(flight: Flight) -> str:
+    """Return a table of what the pilot does leg by leg; empty where the flight does not know it."""
+    cues = cues_of(flight)
+    if not cues:
+        return ""
+    return table_section(cue_table(cues, "What the pilot does", begin=clock_start(flight), notes=[NOTE]))
+
+
+def _range(values: Range, unit: float, digits: int) -> str:
+    """Return a range as a text, from the least to the greatest value; a dash where nothing is known."""
+    least, greatest = number(values.least / unit, digits), number(values.greatest / unit, digits)
+    return least if least == greatest else f"{least} … {greatest}"
+
+
+def loss_section(comparison: Comparison, map_: MapModel) -> str:
+    """Return in words what costs the slower of two flights most, and its track in the colours of the time lost."""
+    lost = time_loss(comparison)
+    reference, other = lost.comparison.reference, lost.comparison.other
+    coloured = by_loss(lost.comparison)
+    lines = [np.stack([one["x"], one["y"]], axis=1) for one in (other, reference)]
+    plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
+    words = "".join(f"<li>{escape_html(one.text)}</li>" for one in lost.costliest)
+    listed = f"<p>{escape_html(capitalise(lost.title))}:</p><ol>{words}</ol>" if words else ""
+    legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
+    return section(f"Where the time of {other.label} went", f'{listed}<div class="scroll">{plan}</div>{legend}')
+
+
+def comparison_section(comparison: Comparison) -> str:
+    """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
+    reference, other = comparison.reference, comparison.other
+    notes = [
+        f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
+        *(f"{capitalise(what)}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
+    ]
+    title = f"Where {other.label} loses and wins"
+    return table_section(lost_table(comparison.by_loss, title, begin=clock_start(reference), notes=notes))
