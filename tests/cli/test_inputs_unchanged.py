@@ -80,7 +80,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(folder / "course.yaml", folder / "second.yaml")
     (folder / "settings.yaml").write_text("schema: airrace/settings/1\nguess: plan\n")
     (folder / "batch.yaml").write_text("schema: airrace/batch/1\ncourses: [second.yaml]\n")
-    shutil.copy(ROOT / "tests" / "logs" / "rovinj_2014.csv", folder / "log.csv")
+    shutil.copy(ROOT / "tests" / "flights" / "logs" / "rovinj_2014.csv", folder / "log.csv")
     (folder / "mapping.yaml").write_text("schema: airrace/log/1\n")
     (folder / "places.kml").write_text("<kml/>")
     (folder / "extension.py").write_text("")

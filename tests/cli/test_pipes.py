@@ -14,7 +14,7 @@ from airrace.cli.main import app
 
 ROOT = Path(__file__).parents[2]
 TRACK = (ROOT / "tracks" / "rovinj_2014.yaml").read_text(encoding="utf-8")
-LOG = ROOT / "tests" / "logs" / "rovinj_2014.csv"
+LOG = ROOT / "tests" / "flights" / "logs" / "rovinj_2014.csv"
 MARK = "<Placemark><name>{0}</name><Point><coordinates>13.6{0},45.1</coordinates></Point></Placemark>"
 KML = f"<kml>{''.join(MARK.format(number) for number in range(4))}</kml>"
 

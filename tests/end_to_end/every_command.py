@@ -50,7 +50,7 @@ def furnish(folder: Path) -> Path:
 
 def put_inputs(folder: Path) -> None:
     shutil.copy(HALF_CUBAN, folder / COURSE)
-    shutil.copy(ROOT / "tests" / "logs" / "rovinj_2014.csv", folder / LOG)
+    shutil.copy(ROOT / "tests" / "flights" / "logs" / "rovinj_2014.csv", folder / LOG)
 
 
 @cached_across_workers

@@ -88,7 +88,7 @@ def optimum() -> Flight:
     """The optimum of Rovinj 2014 that the tests of logs record."""
 
     def rows(name: str) -> list[dict[str, str]]:
-        with (ROOT / "tests" / "logs" / name).open() as file:
+        with (ROOT / "tests" / "flights" / "logs" / name).open() as file:
             return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
     table = rows("rovinj_2014.csv")
