@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from dataclasses import replace
 from enum import Enum
 
 import numpy as np
@@ -13,7 +14,18 @@ from airrace.files.checkpoint.run_layout import LARGEST
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Trajectory
-from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Note, NoteKind, StageResult, Status, Timings
+from airrace.procedure.result import (
+    OUTCOMES,
+    Attempt,
+    GateSplit,
+    Note,
+    NoteKind,
+    Route,
+    SearchReport,
+    StageResult,
+    Status,
+    Timings,
+)
 from airrace.procedure.stage import STAGES, Stage
 
 INPUTS = StoredInputs(
@@ -54,6 +66,26 @@ def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> St
         attempts=(Attempt("joint", "interior-point", "0", True, 41, 0.5),),
         timings=Timings(0.5, 0.4, 0.9),
     )
+
+
+EXPLORED = SearchReport(
+    routes=(
+        Route("g4 -> g5: over the top to the right, 140 m high", 54.6, 0.0, "joint"),
+        Route("g4 -> g5: 180 degrees to the left, flat", 54.9, 0.3, "window"),
+        Route("g4 -> g5: straight, flat, rolling left through level", 54.91, 0.31, "window", rolls=True),
+    ),
+    converged_to_best=3,
+    converged_elsewhere=1,
+    failed=1,
+    seconds=4.5,
+    loops=("g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m",),
+)
+
+
+def contested() -> StageResult:
+    """A stage with a search over routes and two alternatives."""
+    alternatives = tuple(replace(example_result(intervals=count), message=f"alternative {count}") for count in (4, 8))
+    return replace(example_result(), search=EXPLORED, alternatives=alternatives)
 
 
 def example_checkpoint(*stages: Stage, intervals: int = 6) -> Checkpoint:
