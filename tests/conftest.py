@@ -28,7 +28,7 @@ LONG = (
     "procedure/control/test_simulation.py",
     "end_to_end/test_finished_runs.py",
     "procedure/test_fidelity_continuation.py",
-    "end_to_end/test_strangers_folders.py",
+    "end_to_end/test_untrusted_folders.py",
     "test_doctests.py",
     "end_to_end/test_batches.py",
     "documentation/test_site.py",

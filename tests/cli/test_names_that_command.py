@@ -1,4 +1,4 @@
-"""Names in files of strangers are no commands to a runner of workflows (GitHub Actions), whoever prints them."""
+"""Names in untrusted files are no commands to a runner of workflows (GitHub Actions), whichever command prints them."""
 
 import re
 import subprocess

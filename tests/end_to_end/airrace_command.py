@@ -66,12 +66,12 @@ def wait_for(running: subprocess.Popen[str], text: str) -> None:
     for line in running.stderr:
         if text in line:
             return
-    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
+    raise AssertionError(f"ended with {running.wait()} before it printed {text!r}")
 
 
 def children(of: int) -> list[int]:
     """Processes that a process has started (Linux)."""
-    found: list[int] = []
+    processes: list[int] = []
     for task in Path(f"/proc/{of}/task").iterdir():
-        found += [int(child) for child in (task / "children").read_text().split()]
-    return found
+        processes += [int(child) for child in (task / "children").read_text().split()]
+    return processes

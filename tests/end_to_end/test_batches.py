@@ -3,12 +3,11 @@
 import json
 import os
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
-from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, start
+from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, start, wait_for
 from waiting import PATIENCE, wait_until_gone
 
 FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off")
@@ -49,6 +48,7 @@ def test_nothing_outlives_a_batch_that_is_ended_and_the_next_one_goes_on(
     arguments = ("batch", SIXTEEN, *POINT_MASS, *ONE_LAP)
     with start(*arguments, cwd=tmp_path) as running:
         wait_for(running, "point-mass started")
+        time.sleep(0.2)  # in the middle of the solve
         family = descendants(running.pid)
         assert len(family) >= 2  # the job and its solver
         running.send_signal(number)
@@ -66,11 +66,13 @@ def test_nothing_outlives_a_batch_that_is_ended_and_the_next_one_goes_on(
 def test_a_job_or_a_solver_that_is_killed_is_flown_to_its_end_by_the_next_attempt(tmp_path: Path) -> None:
     with start("batch", SIXTEEN, *POINT_MASS, *ONE_LAP, "--retries", "2", "--json", cwd=tmp_path) as running:
         wait_for(running, "point-mass started")
+        time.sleep(0.2)  # in the middle of the solve
         (job,) = children(running.pid)
         (solver, *_) = children(job)
         os.kill(job, signal.SIGKILL)
         wait_until_gone(solver)
         wait_for(running, "point-mass started")
+        time.sleep(0.2)  # in the middle of the solve
         (job,) = children(running.pid)
         (solver, *_) = children(job)
         os.kill(solver, signal.SIGKILL)
@@ -109,16 +111,9 @@ def test_a_further_stage_is_flown_on_top_of_those_that_are_finished(tmp_path: Pa
     assert [stage["stage"] for stage in job["stages"]] == ["point-mass", "transfer-function"]
 
 
-def wait_for(running: subprocess.Popen[str], text: str) -> None:
-    """Read the progress until a line holds the text, and a moment more."""
-    assert running.stderr is not None
-    for line in running.stderr:
-        if text in line:
-            time.sleep(0.2)
-            return
-    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
-
-
 def descendants(process: int) -> list[int]:
     """All processes that a process has started, and those have."""
-    return [one for child in children(process) for one in (child, *descendants(child))]
+    processes: list[int] = []
+    for child in children(process):
+        processes += [child, *descendants(child)]
+    return processes

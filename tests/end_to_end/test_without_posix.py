@@ -36,15 +36,15 @@ def elsewhere(*arguments: str | Path, cwd: Path) -> Ran:
     ],
 )
 def test_the_system_lacks_for_airrace_what_it_has_for_others(use: str, error: str) -> None:
-    def told(module: str) -> str:
+    def error_in(module: str) -> str:
         program = f"exec({use!r}, {{'__name__': {module!r}}})"
         environment = {**os.environ, **ELSEWHERE}
         return subprocess.run(
             [sys.executable, "-P", "-c", program], env=environment, capture_output=True, text=True, check=False
         ).stderr
 
-    assert f"\n{error}: " in told("airrace.probe")
-    assert f"\n{error}: " not in told("probe")
+    assert f"\n{error}: " in error_in("airrace.probe")
+    assert f"\n{error}: " not in error_in("probe")
 
 
 @pytest.mark.parametrize("command", [OPTIMIZE, BATCH, ("show", RUN)], ids=" ".join)
@@ -62,7 +62,7 @@ def test_every_command_passes(command: tuple[str, ...], tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [("optimize",), ("batch",)], ids=" ".join)
-def test_the_whole_ladder_is_certified(command: tuple[str, ...], tmp_path: Path) -> None:
+def test_all_fidelities_are_certified(command: tuple[str, ...], tmp_path: Path) -> None:
     ran = elsewhere(*command, HALF_CUBAN, "--json", cwd=tmp_path)
     assert ran.code == 0, ran.err
     assert ran.answer["certified"] is True

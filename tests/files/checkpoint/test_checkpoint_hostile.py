@@ -193,6 +193,11 @@ def repeated_alternatives(count: int) -> Edit:
     return edit
 
 
+def course_not_utf8(file: h5py.File) -> None:
+    del file["inputs/track/text"]
+    file["inputs/track/text"] = text(b"caf\xe9")
+
+
 def quaternion_of_length_0_8(file: h5py.File) -> None:
     speed = file[f"{STAGE}/states/V_K"]
     for row in range(4):
@@ -252,6 +257,7 @@ TAMPERED: dict[str, tuple[Edit, str]] = {
     "group for a series": (both(drop("time"), group("time")), "time is not a series"),
     "series for a group": (link("alternatives/1", np.zeros(3)), "1 is not a group"),
     "text not UTF-8": (dataset("message", text(b"caf\xe9")), "message: a text is not UTF-8"),
+    "course not UTF-8": (course_not_utf8, "inputs/track/text: a text is not UTF-8"),
     "attribute not UTF-8": (
         attribute(SPEED, "long_name", b"caf\xe9", utf8(4)),
         "V_K@long_name: a text is not UTF-8",

@@ -1,4 +1,4 @@
-"""A folder that comes from anybody holds files with the names of Python's modules: none of them is ever run."""
+"""An untrusted working directory holds files with the names of Python's modules: none of them is ever run."""
 
 import subprocess
 import sys
@@ -15,8 +15,8 @@ NAMES = ("numpy", "types")
 LEAVES_A_MARK = f"open(__file__ + '.{MARK}', 'w').close()\n"
 
 
-def strangers(folder: Path) -> Path:
-    """Fill a folder as a stranger might."""
+def untrusted(folder: Path) -> Path:
+    """Fill a folder with such modules, and with inputs."""
     for name in NAMES:
         (folder / f"{name}.py").write_text(LEAVES_A_MARK, encoding="utf-8")
     return furnish(folder)
@@ -27,9 +27,9 @@ def assert_nothing_was_executed(folder: Path) -> None:
     assert not (folder / "__pycache__").exists()
 
 
-def test_a_process_that_looks_for_modules_there_does_run_them(tmp_path: Path) -> None:
+def test_python_itself_does_run_them(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "airrace", "tracks"]
-    subprocess.run(command, cwd=strangers(tmp_path), capture_output=True, check=False)
+    subprocess.run(command, cwd=untrusted(tmp_path), capture_output=True, check=False)
     assert list(tmp_path.glob(f"*.{MARK}"))
 
 
@@ -45,17 +45,17 @@ STARTS = [
 
 @pytest.mark.parametrize(
     "command",
-    [pytest.param(one, id=" ".join(one), marks=() if one in STARTS else pytest.mark.slow) for one in COMMANDS],
+    [pytest.param(words, id=" ".join(words), marks=() if words in STARTS else pytest.mark.slow) for words in COMMANDS],
 )
-def test_no_command_runs_a_file_of_the_folder_in_which_one_stands(command: tuple[str, ...], tmp_path: Path) -> None:
-    ran = airrace(*command, cwd=strangers(tmp_path))
+def test_no_command_runs_a_file_of_the_working_directory(command: tuple[str, ...], tmp_path: Path) -> None:
+    ran = airrace(*command, cwd=untrusted(tmp_path))
     assert ran.code == 0, ran.err
     assert_nothing_was_executed(tmp_path)
 
 
 @pytest.mark.slow
-def test_no_worker_of_a_cluster_does_either(tmp_path: Path) -> None:
-    with Cluster(strangers(tmp_path)) as cluster:
+def test_no_worker_of_a_cluster_runs_a_file_of_its_working_directory(tmp_path: Path) -> None:
+    with Cluster(untrusted(tmp_path)) as cluster:
         cluster.worker()
         ran = airrace(*BATCH, "--cluster", cluster.address, cwd=tmp_path)
     assert ran.code == 0, ran.err
