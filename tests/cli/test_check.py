@@ -191,7 +191,7 @@ def test_a_drawing_that_cannot_be_written_is_refused(tmp_path: Path, name: str, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_matplotlib_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_matplotlib_the_remedy_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("airrace.pages.views.drawing.find_spec", lambda name: None)
     ran = CliRunner().invoke(app, ["check", str(SHIPPED[0]), "--plot", str(tmp_path / "a.png")])
     assert ran.exit_code == 2

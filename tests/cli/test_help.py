@@ -116,7 +116,7 @@ def test_a_wrong_answer_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told["error"] == "this installation does not work: solver"
 
 
-def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_is_reported_with_what_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def without(name: str) -> str:
         if name in ("matplotlib", "h5py"):
             raise PackageNotFoundError(name)
@@ -135,7 +135,7 @@ def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPa
     )
 
 
-def test_the_variant_of_the_native_library_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_variant_of_the_native_library_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     assert installation.native_variant() in ("baseline", "avx2", "avx512")
     monkeypatch.setattr(installation, "library", lambda: None)
     assert installation.native_variant() == "none: casadi evaluates, some ten times slower"

@@ -139,7 +139,7 @@ def test_a_course_of_a_batch_has_a_name() -> None:
         (f"import {LOG} --course rovinj_2014 -o again.h5", ["again.h5"]),
     ],
 )
-def test_what_was_written_is_told(words: str, files: list[str]) -> None:
+def test_what_was_written_is_reported(words: str, files: list[str]) -> None:
     told = json.loads(airrace(*words.split(), "--json").stdout)
     assert told["written"] == [{"path": name, "bytes": Path(name).stat().st_size} for name in files]
     if "flown.h5" in words:

@@ -148,7 +148,7 @@ def test_a_guess_shows_no_race_time(at: Show, monkeypatch: pytest.MonkeyPatch) -
     assert "9.125" not in "\n".join(at(80, "show", "x.h5", "--stage", "homotopy", "--no-verify")).partition("\n\n")[0]
 
 
-def test_the_most_important_remarks_are_told_and_the_others_counted(state: RunState) -> None:
+def test_the_most_important_remarks_are_reported_and_the_others_counted(state: RunState) -> None:
     note = Note(NoteKind.MESH_CHECK, "the race time was not confirmed")
     result = flown(search=SearchReport(loops=LOOPS), notes=(note,))
     text = told(after(state, result))

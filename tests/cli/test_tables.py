@@ -92,18 +92,23 @@ def words_of(table: Table) -> set[str]:
     return {word for row in table.texts() for cell in row for word in cell.split()}
 
 
-def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_of_all_stages_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal(80, monkeypatch)
     flown = replace(stage_result(Stage.POINT_MASS), provenance=StageProvenance(0.012, "point-mass", "", 123.45))
-    ladder = [replace(flown, stage=stage) for stage in STAGES]
+    all_stages = [replace(flown, stage=stage) for stage in STAGES]
     failed = replace(stage_result(Stage.SIX_DOF, Status.NOT_CONVERGED), provenance=flown.provenance)
-    solved = [*map(solve_single_mesh, ladder[:-1]), ladder[-1]]
-    for results in (ladder, solved, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
+    solved = [*map(solve_single_mesh, all_stages[:-1]), all_stages[-1]]
+    for results in (
+        all_stages,
+        solved,
+        [*all_stages[:-1], failed],
+        [replace(one, certificate=None) for one in all_stages],
+    ):
         table = stages_table(results)
         assert_fits(table, words_of(table))
 
 
-def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
+def test_the_table_says_which_stages_were_solved_on_one_mesh() -> None:
     below, last = solve_single_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
     shown = render(stages_table([below, last]))
     rows = [line.split() for line in shown.splitlines()]

@@ -33,7 +33,7 @@ def rules(path: Path) -> tuple[float, float]:
     return allowed.n_z.upper, allowed.height.lower
 
 
-def test_changes_come_on_top_of_what_was_stored_and_the_difference_is_told_leg_by_leg(run_file: Path) -> None:
+def test_changes_come_on_top_of_what_was_stored_and_the_difference_is_reported_leg_by_leg(run_file: Path) -> None:
     before = run_file.read_bytes()
     ran = airrace("resume", run_file, "--set", "rules.floor_m=12", "--output", "NEW.h5", "--json")
     assert ran.code == 0

@@ -112,7 +112,7 @@ def test_the_page_and_all_that_it_loads_are_served_and_nothing_else(client: Clie
         ({}, "wrong", 403),
     ],
 )
-def test_strangers_are_refused_and_told_and_nothing_is_written(
+def test_untrusted_requests_are_refused_with_a_reason_and_nothing_is_written(
     client: Client, still: Designer, track: Path, headers: dict[str, str], token: str | None, status: int
 ) -> None:
     for what in ("move", "save"):
@@ -137,7 +137,7 @@ def test_ten_megabytes_and_what_is_no_message_are_refused(client: Client, still:
     assert still.track.revision == 0
 
 
-def test_of_two_writers_the_second_is_told_and_sees_what_the_first_has_done(client: Client) -> None:
+def test_of_two_writers_the_second_is_refused_and_sees_what_the_first_has_done(client: Client) -> None:
     assert client.post("move", 0, **MOVE).json()["revision"] == 1
     refused = client.post("move", 0, **MOVE)
     assert refused.status == 409

@@ -559,7 +559,7 @@ def test_a_condition_out_of_reach_ends_the_solve() -> None:
     assert solution.kkt.primal > 1.0
 
 
-def test_a_limit_of_iterations_is_told() -> None:
+def test_a_limit_of_iterations_is_reported() -> None:
     solution = attempt(EVERYTHING, random_iterate(EVERYTHING, 1), iterations_max=2)
     assert not solution.success
     assert solution.ending is Ending.ITERATION_LIMIT

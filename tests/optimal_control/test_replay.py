@@ -246,7 +246,7 @@ def test_an_integration_ends_after_the_steps_that_it_may_take() -> None:
     assert 500 < len(evaluated) <= 600
 
 
-def test_rates_that_are_no_numbers_are_told_without_a_warning() -> None:
+def test_rates_that_are_no_numbers_are_reported_without_a_warning() -> None:
     def rates(time: float, x: np.ndarray) -> np.ndarray:
         return x * np.where(time > 0.5, np.inf, 1.0) * np.array([1.0, 0.0])
 

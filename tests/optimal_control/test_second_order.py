@@ -392,7 +392,7 @@ def test_straight_through_a_slow_corridor_is_a_saddle_of_time(solver: str, chang
 
 
 @pytest.mark.parametrize("factor", [1.0, 10.0])
-def test_verdict_is_told_with_its_threshold(factor: float) -> None:
+def test_verdict_is_reported_with_its_threshold(factor: float) -> None:
     """The threshold is relaxed with the multipliers, as the KKT error is."""
     problem = swing(MINIMUM)
     weighed = replace(problem, objective=replace(problem.objective, terminal={"cost": 1e3 * factor}))
@@ -430,7 +430,7 @@ def test_a_saddle_is_left_for_a_minimum(solver: str, step: float, monkeypatch: p
         assert beyond.kkt.largest < 1e-7
 
 
-def test_a_saddle_from_which_no_way_leads_down_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_saddle_from_which_no_way_leads_down_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a step the solver comes back to it."""
     monkeypatch.setattr(solver_module, "STEP_FROM_SADDLE", 0.0)
     problem = swing(SADDLE)

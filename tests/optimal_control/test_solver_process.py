@@ -194,7 +194,7 @@ def test_interrupt_in_mid_solve_leaves_no_process() -> None:
 
 
 @pytest.mark.parametrize("deferred", [True, False])
-def test_an_error_of_who_is_told_or_was_put_off_is_its_own_and_leaves_no_process(deferred: bool) -> None:
+def test_an_error_of_a_listener_or_a_deferred_call_is_its_own_and_leaves_no_process(deferred: bool) -> None:
     """A pipe that is broken behind a callback is none of the service's."""
 
     def refuse(*_: object) -> None:
@@ -307,7 +307,7 @@ def kernels_that_are_built(monkeypatch: pytest.MonkeyPatch) -> list[System]:
     return made
 
 
-def test_a_process_that_died_is_announced_to_in_vain_and_told_by_the_next_solve() -> None:
+def test_a_process_that_died_is_announced_to_in_vain_and_reported_by_the_next_solve() -> None:
     problem, guess = rest_to_rest()
     before = children()
     with SolverService() as service:

@@ -72,7 +72,7 @@ def test_the_jacobians_of_every_stage_are_those_of_the_program(functions: Evalua
 
 @pytest.mark.usefixtures("added_up_by")
 @pytest.mark.parametrize("number", [np.nan, np.inf])
-def test_what_is_no_number_is_told(functions: Evaluation, number: float) -> None:
+def test_what_is_no_number_is_reported(functions: Evaluation, number: float) -> None:
     matrices, linear = StageMatrices(functions.assembly), functions.jacobian_sources()
     linear[: len(linear) // 2] = number
     assert not matrices.write(linear, functions.hessian_sources())

@@ -1,1 +1,1 @@
-"""Nothing but its place: with it the races and ladders here can be imported by the tests in the folders below."""
+"""Nothing but its place: with it the races and fidelities here can be imported by the tests in the folders below."""

@@ -84,7 +84,7 @@ def test_plan_keeps_its_own_choices_and_any_way_that_is_left_of_a_passage(name: 
 
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("name", ["four_gates", "rovinj_2014"])
-def test_plan_turns_to_the_side_that_it_is_told(name: str, side: int) -> None:
+def test_plan_turns_to_the_side_that_is_asked_for(name: str, side: int) -> None:
     race = RACES[name]
     for index in range(1, len(race.course.passages)):
         made = planned(race, RouteDecisions(turns={index: side}))
@@ -96,7 +96,7 @@ def test_plan_turns_to_the_side_that_it_is_told(name: str, side: int) -> None:
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_plan_flies_a_knife_edge_on_the_wing_and_rolls_to_the_side_that_it_is_told(side: int) -> None:
+def test_plan_flies_a_knife_edge_on_the_wing_and_rolls_to_the_side_that_is_asked_for(side: int) -> None:
     edge = knife_edge("edge", 350, 160, 70, right=True, either=True)
     race = race_of(level("a", 0, 0, 0), edge, level("c", 200, 500, 160))
     made = planned(race, RouteDecisions(edges={1: side}))
@@ -225,7 +225,7 @@ def test_vertical_line_turns_to_no_side(size: float) -> None:
 
 
 @pytest.mark.parametrize("turns", [-540.0, -100.0, 30.0, 300.0])
-def test_level_turn_is_told_with_its_side(turns: float) -> None:
+def test_level_turn_is_reported_with_its_side(turns: float) -> None:
     chi = np.radians(np.linspace(0.0, turns, 200))
     found = track_turn(np.stack([np.cumsum(np.cos(chi)), np.cumsum(np.sin(chi)), np.zeros(200)]))
     assert found.angle == pytest.approx(math.radians(turns), rel=0.01)

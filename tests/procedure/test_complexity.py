@@ -90,7 +90,7 @@ def chosen(*flights: tuple[float, FlightComplexity], certified: bool = True) -> 
     return next(number for number, one in enumerate(results) if one is best), noted
 
 
-def test_of_flights_that_hardly_differ_the_simpler_one_wins_and_what_the_other_saves_is_told() -> None:
+def test_of_flights_that_hardly_differ_the_simpler_one_wins_and_what_the_other_saves_is_reported() -> None:
     number, result = chosen((9.0, HARD), (9.009, SIMPLE), (9.008, SIMPLE))
     assert number == 2
     (note,) = result.notes

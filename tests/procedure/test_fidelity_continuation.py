@@ -1,4 +1,4 @@
-"""The ladder from the point mass to six degrees of freedom: what its stages share, and what each hands to the next."""
+"""The fidelity continuation from the point mass to six degrees of freedom: what stages share and hand on."""
 
 import copy
 import dataclasses
@@ -350,7 +350,7 @@ def test_certificate_holds_the_total_variation_of_all_that_is_moved(name: str, s
         assert value > 0.0
 
 
-def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
+def test_regularisation_is_reported_as_its_share_of_the_objective() -> None:
     result = optimum_of("four_gates", Stage.SIX_DOF)
     flown = result.trajectory
     steps = np.diff(flown.time)

@@ -264,7 +264,7 @@ def test_who_asks_for_more_clearance_gets_more() -> None:
     assert times == sorted(times)
 
 
-def test_a_condition_beside_its_moment_abeam_is_told_by_how_much() -> None:
+def test_a_condition_beside_its_moment_abeam_is_reported_by_how_much() -> None:
     result = optimum(SMALL, PLAN)
     (holds,) = (one for one in result.pylon_conditions if one.element == "pylon")
 

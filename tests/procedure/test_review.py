@@ -260,7 +260,7 @@ def test_a_turn_over_a_crowd_is_remarked_on_where_the_straight_line_is_not() -> 
     assert remark.text.startswith("the planned line from `a` to `b` comes within")
 
 
-def test_people_without_a_line_or_a_border_before_them_are_told() -> None:
+def test_people_without_a_line_or_a_border_before_them_are_reported() -> None:
     stand = Crowd("stand", CrowdShape.LINE, (Point(0.0, 400.0), Point(300.0, 400.0)), distance=50.0)
     bare = dataclasses.replace(with_crowd(stand).course, passages=course("x", *ONE_BY_ONE).passages)
 
@@ -276,7 +276,7 @@ def test_people_without_a_line_or_a_border_before_them_are_told() -> None:
         assert len(told(passages=(bare.passages[0], *held[1:]))) == count
 
 
-def test_a_line_that_could_hold_on_more_legs_is_told() -> None:
+def test_a_line_that_could_hold_on_more_legs_is_reported() -> None:
     first, second, third = course("x", *ONE_BY_ONE).passages
 
     def told(east: float) -> list[tuple[str, str]]:

@@ -86,13 +86,13 @@ RULE_KEYS = [key for key in KNOWN if key.startswith(("rules.", "gates."))]
 AIRCRAFT = ["aircraft.airframe.mass_kg", "aircraft.propulsion.power_max_kW", "aircraft.lift.C_L_max"]
 
 
-def test_the_aircraft_is_told_beside_however_many_rules_and_gates() -> None:
+def test_the_aircraft_is_reported_beside_however_many_rules_and_gates() -> None:
     assert len(RULE_KEYS) > RULES_AND_GATES.suggested_max
     keys = [key for key, _ in told(options(*RULE_KEYS, *AIRCRAFT))[0]]
     assert keys == [*RULE_KEYS[: RULES_AND_GATES.suggested_max], *AIRCRAFT[: AIRCRAFT_KIND.suggested_max]]
 
 
-def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_never() -> None:
+def test_what_was_certified_is_reported_before_what_only_flew_and_what_did_not_fly_never() -> None:
     tried = options(*RULE_KEYS[:2], *AIRCRAFT)
     first = RULE_KEYS[0].rpartition(".")[2]
     ends = {first: [FLOWN] * len(MARGINS), "mass_kg": [NOTHING] * len(MARGINS)}
@@ -101,14 +101,14 @@ def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_n
 
 
 @pytest.mark.parametrize("certified", range(len(MARGINS)))
-def test_the_least_margin_with_a_certified_flight_is_told(certified: int) -> None:
+def test_the_least_margin_with_a_certified_flight_is_reported(certified: int) -> None:
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), asked = told([one], power_max_kW=[FLOWN] * certified + [CERTIFIED])
     assert value == one.value(certified)
     assert asked[one.parameter.key] == certified + 1
 
 
-def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
+def test_the_mildest_value_that_flew_is_reported_where_none_was_certified() -> None:
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), _ = told([one], power_max_kW=[FLOWN, FLOWN, NOTHING])
     assert value == one.value(1)

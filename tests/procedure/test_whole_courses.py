@@ -105,7 +105,7 @@ GATES = 20.0
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("origin", "side"), [(90.0, 1.0), (270.0, -1.0)])
-def test_whole_aircraft_that_climbs_the_ladder_in_a_crosswind_tilts_the_half_cuban_eight_into_it(
+def test_whole_aircraft_of_every_fidelity_in_a_crosswind_tilts_the_half_cuban_eight_into_it(
     origin: float, side: float
 ) -> None:
     assert side * plane_of(assert_certified(blown(HALF_CUBAN, origin, 10.0))).tilt > 1.0

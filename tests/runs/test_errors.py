@@ -39,7 +39,7 @@ def test_every_code_has_one_rank() -> None:
     assert sorted(PRECEDENCE) == sorted(ExitCode)
 
 
-def test_of_two_codes_the_graver_one_is_told_in_any_order() -> None:
+def test_of_two_codes_the_graver_one_is_reported_in_any_order() -> None:
     documented = [130, 1, 8, 7, 3, 5, 6, 4, 0]
     for graver, milder in itertools.combinations(documented, 2):
         assert worst([ExitCode(milder), ExitCode(graver)]) == graver
@@ -64,7 +64,7 @@ UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared objec
         OSError(errno.ENOMEM, "Cannot allocate memory"),
     ],
 )
-def test_lack_of_memory_is_the_systems_and_told_as_that(error: Exception) -> None:
+def test_lack_of_memory_is_the_systems_and_reported_as_that(error: Exception) -> None:
     answer = CommandResult()
     record_failure(answer, error)
     assert (answer.code, answer.error) == (ExitCode.SYSTEM, "out of memory")
@@ -77,7 +77,7 @@ def test_other_errors_of_libraries_and_files_are_no_lack_of_memory(error: OSErro
     assert not is_lack_of_memory(error)
 
 
-def test_lack_of_memory_outside_of_a_command_is_told_likewise(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lack_of_memory_outside_of_a_command_is_reported_likewise(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_code(OSError("libcasadi.so: failed to map segment from shared object")) == ExitCode.SYSTEM
     assert capsys.readouterr().err == "airrace: out of memory\n"
 
@@ -100,7 +100,7 @@ main()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits the address space")
-def test_too_little_memory_for_the_libraries_is_told_in_a_sentence() -> None:
+def test_too_little_memory_for_the_libraries_is_reported_in_a_sentence() -> None:
     """No limit is too small for the interpreter and large enough for all that is loaded."""
     limit = 160 * 2**20
     ran = subprocess.run(

@@ -78,22 +78,22 @@ def test_what_was_imported_is_verified_from_its_file(view: LogView, tmp_path: Pa
     assert "not verified" in run("show", str(tmp_path / "flown.h5"), "--no-verify").out
 
 
-@pytest.mark.parametrize("forge", [later, forgiven, uncertain, slower, another_log])
-def test_a_forged_flight_is_found_out(
-    view: LogView, tmp_path: Path, forge: Callable[[LogCheckpoint], LogCheckpoint]
+@pytest.mark.parametrize("tamper", [later, forgiven, uncertain, slower, another_log])
+def test_a_tampered_flight_is_found_out(
+    view: LogView, tmp_path: Path, tamper: Callable[[LogCheckpoint], LogCheckpoint]
 ) -> None:
-    path = tmp_path / "forged.h5"
-    write_log(path, forge(view.recorded))
+    path = tmp_path / "tampered.h5"
+    write_log(path, tamper(view.recorded))
     for command in ("verify", "show"):
         result = run(command, str(path), "--json")
         assert result.code == 5
         assert result.answer["verified"] is False
 
 
-def test_report_and_compare_refuse_a_forged_flight(view: LogView, tmp_path: Path) -> None:
+def test_report_and_compare_refuse_a_tampered_flight(view: LogView, tmp_path: Path) -> None:
     view.save(tmp_path / "flown.h5")
-    write_log(tmp_path / "forged.h5", later(view.recorded))
-    files = [str(tmp_path / one) for one in ("flown.h5", "forged.h5")]
+    write_log(tmp_path / "tampered.h5", later(view.recorded))
+    files = [str(tmp_path / one) for one in ("flown.h5", "tampered.h5")]
     compared = run("compare", *files)
     assert compared.code == 5
     assert "verification failed" in compared.out

@@ -69,7 +69,7 @@ def test_the_object_has_the_documented_keys() -> None:
     }
 
 
-def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
+def test_conflicts_are_reported_one_by_one_with_what_resolves_each() -> None:
     suggested_changes = (
         SuggestedChange(1, "a -> b", "rules.n_z_max", "n_z", "g", 2.0, 2.8, 9.5, failed=2.7),
         SuggestedChange(1, "a -> b", "", "the margin of safety line shore", "m", 0.0, -12.0, 9.0),
@@ -282,7 +282,7 @@ def flown_by(
     return answer, execute_for_command(answer, task, threads=1, progress=Silent()).results
 
 
-def test_completed_proof_is_told_in_the_place_of_its_stage(run: RunState, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_completed_proof_is_reported_in_the_place_of_its_stage(run: RunState, monkeypatch: pytest.MonkeyPatch) -> None:
     proved = stage_result(Stage.POINT_MASS, passings=PASSINGS)
     answer, results = flown_by(monkeypatch, run, proved)
     assert list(results) == [proved, CERTIFIED]

@@ -155,7 +155,7 @@ def test_routes_and_alternatives_are_read_back_in_every_bit(
     assert_same(stored.result, result)
 
 
-def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_told(tmp_path: Path) -> None:
+def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_reported(tmp_path: Path) -> None:
     suggested_change = SuggestedChange(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
     failed = replace(
         example_result(),

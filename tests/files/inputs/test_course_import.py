@@ -130,7 +130,7 @@ def test_left_and_right_alone_pair_in_their_order(tmp_path: Path) -> None:
     )
 
 
-def test_a_side_without_its_other_and_one_that_stands_far_off_are_told(tmp_path: Path) -> None:
+def test_a_side_without_its_other_and_one_that_stands_far_off_are_reported(tmp_path: Path) -> None:
     alone = [feature("g3 left", geometry([(50.0, 900.0)]))]
     far = [feature("g4 left", geometry([(0.0, 1200.0)])), feature("g4 right", geometry([(90.0, 1200.0)]))]
     written, course = sketch(tmp_path, [*gates(), *alone, *far])
@@ -138,7 +138,7 @@ def test_a_side_without_its_other_and_one_that_stands_far_off_are_told(tmp_path:
     assert told(written) == [(name, "a single pylon") for name in ("g3 left", "g4 left", "g4 right")]
 
 
-def test_a_gate_flown_against_its_sides_is_told(tmp_path: Path) -> None:
+def test_a_gate_flown_against_its_sides_is_reported(tmp_path: Path) -> None:
     back = [feature("g3 left", geometry([(-6.0, 200.0)])), feature("g3 right", geometry([(6.0, 200.0)]))]
     written, _ = sketch(tmp_path, [*gates(), *back])  # from 500 m back to 200 m, to the south
     assert told(written) == [("g3", "a gate")]
@@ -188,7 +188,7 @@ def test_a_line_with_elements_on_both_sides_holds_on_the_legs_beside_it(tmp_path
     assert told(written) == [("Safety line", "a safety line on 1 of 3 legs")]
 
 
-def test_what_no_name_tells_is_guessed_or_dropped_and_told(tmp_path: Path) -> None:
+def test_what_no_name_tells_is_guessed_or_dropped_and_reported(tmp_path: Path) -> None:
     unknown = [
         feature("Yachts", geometry([(-400.0, 0.0), (-300.0, 0.0), (-300.0, 100.0)], area=True)),
         feature("Sector 7b", geometry(ALL_AROUND, area=True)),
@@ -237,7 +237,7 @@ def test_obstacles_are_as_high_as_their_names_tell(tmp_path: Path) -> None:
     assert [name for name, _ in told(written)] == ["Mast", "Building 12 m", "Power line 30 m"]
 
 
-def test_more_than_a_course_has_room_for_is_dropped_and_told(tmp_path: Path) -> None:
+def test_more_than_a_course_has_room_for_is_dropped_and_reported(tmp_path: Path) -> None:
     """The file that is written is one that can be read."""
     corners = [(400.0 + 60.0 * (n % 2), 100.0 * n) for n in range(40)]
     wires = [feature(f"Power line {n} 20 m", geometry([(e + 300.0 * n, m) for e, m in corners])) for n in range(2)]
@@ -311,7 +311,7 @@ def test_names_are_found_whatever_the_attribute_is_called(tmp_path: Path, key: s
     assert [one.element.name for one in course.passages] == ["Start", "Gate_2"]
 
 
-def test_what_stands_beside_a_name_helps_and_is_told(tmp_path: Path) -> None:
+def test_what_stands_beside_a_name_helps_and_is_reported(tmp_path: Path) -> None:
     written, course = sketch(
         tmp_path, [*gates(), feature("North", geometry([(300.0, 0.0), (300.0, 100.0)]), kind="crowd")]
     )
@@ -319,7 +319,7 @@ def test_what_stands_beside_a_name_helps_and_is_told(tmp_path: Path) -> None:
     assert told(written) == [("North", "people")]
 
 
-def test_folders_and_lost_parts_of_kml_are_told(tmp_path: Path) -> None:
+def test_folders_and_lost_parts_of_kml_are_reported(tmp_path: Path) -> None:
     hole = "".join(f"{east},{north} " for east, north in degrees([(310.0, 10.0), (320.0, 10.0), (320.0, 20.0)]))
     ring = "".join(f"{east},{north} " for east, north in degrees([(300.0, 0.0), (400.0, 0.0), (400.0, 100.0)]))
     area = (
@@ -378,7 +378,7 @@ FAULTY = {
 
 
 @pytest.mark.parametrize("placemark", FAULTY.values(), ids=FAULTY.keys())
-def test_what_check_refuses_of_a_sketch_is_told_when_it_is_written(tmp_path: Path, placemark: object) -> None:
+def test_what_check_refuses_of_a_sketch_is_reported_when_it_is_written(tmp_path: Path, placemark: object) -> None:
     (tmp_path / "marks.geojson").write_text(
         json.dumps({"type": "FeatureCollection", "features": [*gates(), placemark]})
     )

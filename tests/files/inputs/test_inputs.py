@@ -294,7 +294,7 @@ WRONG_ELSEWHERE = [
 
 
 @pytest.mark.parametrize(("old", "new"), WRONG_ELSEWHERE, ids=[new for _, new in WRONG_ELSEWHERE])
-def test_wrong_names_are_told_together_with_what_is_wrong_elsewhere(old: str, new: str) -> None:
+def test_wrong_names_are_reported_together_with_what_is_wrong_elsewhere(old: str, new: str) -> None:
     track = edited(RICH, "top, roll, q, dive]", "topp, roll, roll, q, dive]")
     track = edited(track, "safety_lines: [beach]", "safety_lines: [beech]")
     keys = {finding.key for finding in findings_of(edited(track, old, new))}
@@ -316,13 +316,13 @@ def test_what_cannot_be_read_as_a_name_is_left_to_the_schema() -> None:
 @pytest.mark.parametrize(
     ("old", "new"), [("  lap: [g1, {", "  lap: g1 # [g1, {"), ("course:\n", "coarse:\n"), ("gates:\n", "gatse:\n")]
 )
-def test_a_course_that_cannot_be_read_is_told_as_such(old: str, new: str) -> None:
+def test_a_course_that_cannot_be_read_is_reported_as_such(old: str, new: str) -> None:
     found = findings_of(edited(RICH, old, new))
     assert all(finding.message for finding in found)
     assert not [finding for finding in found if "unknown gate" in finding.message]
 
 
-def test_the_same_gate_across_the_end_of_a_lap_is_told_where_the_lap_begins() -> None:
+def test_the_same_gate_across_the_end_of_a_lap_is_reported_where_the_lap_begins() -> None:
     track = edited(TRACK, "lap: [g1,", "lap: [g0, g1,")
     keys = [finding.key for finding in findings_of(edited(track, "start: g0", "start: g1"))]
     assert keys == ["course.lap.0"]
@@ -418,7 +418,7 @@ def test_a_course_built_in_python_needs_an_aircraft() -> None:
         load_inputs(document_of_objects(CourseAndAir(ROVINJ.course, ROVINJ.air), "mine"))
 
 
-FORGED = [
+TAMPERED = [
     {"course": None},
     {"air": {}},
     [],
@@ -429,14 +429,14 @@ FORGED = [
 ]
 
 
-@pytest.mark.parametrize("objects", FORGED, ids=json.dumps)
-def test_forged_objects_are_refused_with_a_sentence(objects: object) -> None:
+@pytest.mark.parametrize("objects", TAMPERED, ids=json.dumps)
+def test_tampered_objects_are_refused_with_a_sentence(objects: object) -> None:
     text = document_of_objects(ROVINJ.aircraft, "mine").text
-    forged = Document("mine", json.dumps({**json.loads(text), "objects": objects}))
-    assert is_of_objects(forged)
+    tampered = Document("mine", json.dumps({**json.loads(text), "objects": objects}))
+    assert is_of_objects(tampered)
     for read in (course_and_air_of, aircraft_of):
         with pytest.raises(InputError, match="does not hold"):
-            read(forged)
+            read(tampered)
 
 
 @given(st.text(max_size=30))

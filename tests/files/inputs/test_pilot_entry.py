@@ -117,7 +117,7 @@ def test_numbers_of_the_preset_are_parameters_and_limits_that_may_give_way() -> 
         "rules.pilot.low_height_m=30",
     ],
 )
-def test_what_makes_no_sense_is_refused(text: str) -> None:
+def test_what_is_out_of_range_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"pilot"):
         pilot_of("rules.pilot=none", text)
 

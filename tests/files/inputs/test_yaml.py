@@ -330,7 +330,7 @@ def test_the_work_to_tell_unknown_names_grows_with_their_number_and_no_faster() 
     assert_grows_no_faster_than_its_input(tell, FEW)
 
 
-def test_of_thousands_of_unknown_names_the_first_are_told_and_all_are_counted() -> None:
+def test_of_thousands_of_unknown_names_the_first_are_reported_and_all_are_counted() -> None:
     with pytest.raises(InputError) as raised:
         understood(long_course(unknown=4000))
     found = raised.value.findings

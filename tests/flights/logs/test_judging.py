@@ -132,7 +132,7 @@ def test_of_many_runs_the_beginnings_of_the_first_ones_are_remarked() -> None:
     )
 
 
-def test_a_passing_that_was_not_made_is_told_and_its_legs_are_not_flown() -> None:
+def test_a_passing_that_was_not_made_is_reported_and_its_legs_are_not_flown() -> None:
     stops = known().passings["1:g1#2"] + 0.5
     cut = Fixes(*(getattr(EXACT, name)[EXACT.time < stops] for name in vars(EXACT)))
     one = imported(csv_text(cut), RULES)

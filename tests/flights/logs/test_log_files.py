@@ -162,18 +162,18 @@ def test_a_refused_log_gives_one_sentence_and_its_code(tmp_path: Path) -> None:
     assert not (tmp_path / "log.h5").exists()
 
 
-def forged(content: bytes, path: Path, edit: Callable[[h5py.File], object]) -> bytes:
-    """A file, edited by someone who can compute checksums."""
+def tampered(content: bytes, path: Path, edit: Callable[[h5py.File], object]) -> bytes:
+    """A file, edited and with its checksum computed anew."""
     path.write_bytes(unseal(content))
     with h5py.File(path, "r+") as file:
         edit(file)
     return seal(path.read_bytes())
 
 
-def test_forged_files_are_refused(recorded: LogCheckpoint, tmp_path: Path) -> None:
+def test_tampered_files_are_refused(recorded: LogCheckpoint, tmp_path: Path) -> None:
     time = recorded.time
     one = recorded.histories[0]
-    forgeries = {
+    tampered_logs = {
         "does not run forwards": replace(recorded, time=time[::-1].copy()),
         "do not follow one another": replace(recorded, passings=tuple(reversed(recorded.passings))),
         "holds numbers that are not finite": replace(
@@ -184,9 +184,9 @@ def test_forged_files_are_refused(recorded: LogCheckpoint, tmp_path: Path) -> No
         ),
         "is missing": replace(recorded, histories=recorded.histories[1:]),
     }
-    for said, forgery in forgeries.items():
+    for said, tampered_log in tampered_logs.items():
         with pytest.raises(CheckpointError, match=said):
-            write_log(tmp_path / "forged.h5", forgery)
+            write_log(tmp_path / "tampered.h5", tampered_log)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -204,9 +204,9 @@ def test_damaged_files_and_other_schemas_members_names_and_courses_are_refused(
         (lambda file: file.move("flight/time", "time"), "'time' is unknown"),
         (lambda file: (file.pop("flight/label"), file.create_group("flight/label")), "label is not a text"),
     ):
-        (tmp_path / "forged.h5").write_bytes(forged((folder / "log.h5").read_bytes(), tmp_path / "image.h5", edit))
+        (tmp_path / "tampered.h5").write_bytes(tampered((folder / "log.h5").read_bytes(), tmp_path / "image.h5", edit))
         with pytest.raises(CheckpointError, match=said):
-            read_stored(tmp_path / "forged.h5")
+            read_stored(tmp_path / "tampered.h5")
     one = recorded.histories[0]
     bad = StoredHistory(replace(one.quantity, name="../x"), one.values, one.basis)
     with pytest.raises(CheckpointError, match="is not a name"):

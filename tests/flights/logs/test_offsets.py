@@ -44,12 +44,12 @@ def test_a_roll_that_stands_still_is_not_used_there(begin: float) -> None:
 
 
 @pytest.mark.parametrize("late", [0.1, -0.2])
-def test_a_roll_by_another_clock_is_told_and_less_certain(late: float) -> None:
+def test_a_roll_by_another_clock_is_reported_and_less_certain(late: float) -> None:
     side = "late" if late > 0.0 else "early"
     assert_accuses_nobody(with_attitude(attitude(late)[0], late), f"roll comes {abs(late):.2f} s {side}")
 
 
-def test_a_roll_of_an_oblique_sensor_is_told_and_less_certain() -> None:
+def test_a_roll_of_an_oblique_sensor_is_reported_and_less_certain() -> None:
     assert_accuses_nobody(with_attitude(attitude()[0] + 5.0), r"off the path's by [45]\.\d deg")
 
 

@@ -144,7 +144,7 @@ def test_units_of_headers_are_understood(tmp_path: Path) -> None:
     assert columns["phi"][0] == pytest.approx(math.pi / 2)
 
 
-def test_silent_cells_and_repeated_times_are_left_out_and_told(tmp_path: Path) -> None:
+def test_silent_cells_and_repeated_times_are_left_out_and_reported(tmp_path: Path) -> None:
     text = "time,x,y,height\n0,1,2,3\n1,,,\n2,1,2,3\n2,5,5,5\n3,1,2,3\n"
     kept = in_order(read(tmp_path, text))
     assert kept.time.tolist() == [0.0, 2.0, 3.0]

@@ -115,7 +115,7 @@ BAD_ROWS: dict[str, tuple[list[str], str]] = {
 
 
 @pytest.mark.parametrize("kind", BAD_ROWS)
-def test_rows_that_cannot_be_read_are_left_out_and_told(tmp_path: Path, kind: str) -> None:
+def test_rows_that_cannot_be_read_are_left_out_and_reported(tmp_path: Path, kind: str) -> None:
     lines, said = BAD_ROWS[kind]
     one = imported(tmp_path, text(lines))
     assert_same_flight(one)
@@ -338,7 +338,7 @@ BAD_FIXES: dict[str, tuple[list[str], str]] = {
 
 
 @pytest.mark.parametrize("kind", BAD_FIXES)
-def test_fixes_that_cannot_be_true_are_left_out_and_told(tmp_path: Path, kind: str) -> None:
+def test_fixes_that_cannot_be_true_are_left_out_and_reported(tmp_path: Path, kind: str) -> None:
     lines, said = BAD_FIXES[kind]
     one = imported(tmp_path, "\n".join(lines), "log.igc")
     assert_same_flight(one)

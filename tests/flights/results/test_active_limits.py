@@ -20,7 +20,7 @@ def limited(flight: Flight, name: str, values: np.ndarray, lower: float, upper: 
     return replace(flight, histories={**flight.histories, name: history})
 
 
-def test_a_limit_is_told_with_its_duration_and_the_leg_on_which_it_holds_longest() -> None:
+def test_a_limit_is_reported_with_its_duration_and_the_leg_on_which_it_holds_longest() -> None:
     flight = circling(rovinj())
     first, second, *_ = legs_of(flight)
     values = np.zeros(len(flight.time))

@@ -445,7 +445,7 @@ def run(*arguments: str) -> tuple[int, str]:
     return result.exit_code, result.stderr
 
 
-def test_the_command_writes_a_course_without_an_origin_where_it_is_told(tmp_path: Path) -> None:
+def test_the_command_writes_a_course_without_an_origin_where_it_is_asked_to(tmp_path: Path) -> None:
     stored, output = half_cuban().save(tmp_path / "run.h5"), tmp_path / "run.kml"
     code, said = run("kml", str(stored), "--output", str(output))
     assert code == 2

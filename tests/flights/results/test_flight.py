@@ -264,7 +264,7 @@ def test_the_object_holds_the_legs_of_the_last_flight(run_file: str) -> None:
     assert sum(lap["time_s"] for lap in last["laps"]) == pytest.approx(half_cuban().race_time)
 
 
-def test_near_misses_are_told_in_the_answer_and_in_the_object(run_file: str) -> None:
+def test_near_misses_are_reported_in_the_answer_and_in_the_object(run_file: str) -> None:
     """The half Cuban eight has no pylons; between those of a gate 3 m wide there is no room for a wing."""
     assert "near misses" not in show(run_file, "--all")[1]
     (stage,) = (one for one in json.loads(show(run_file, "--json")[1])["stages"] if "legs" in one)
@@ -395,7 +395,7 @@ def test_flights_of_other_passings_are_refused() -> None:
         compare_flights(flight, shorter)
 
 
-def test_conditions_that_differ_are_told() -> None:
+def test_conditions_that_differ_are_reported() -> None:
     told = {what: (first, second) for what, first, second in conditions(half_cuban().flight(), windy().flight())}
     assert told == {"wind": ("none", "20 kt from 70 deg")}
     flight = circling(rovinj())
@@ -409,7 +409,7 @@ def test_conditions_that_differ_are_told() -> None:
     assert list(conditions(other, moved)) == [("people", "stands", "stands otherwise")]
 
 
-def test_every_rule_that_differs_is_told_in_words() -> None:
+def test_every_rule_that_differs_is_reported_in_words() -> None:
     flight = half_cuban().flight()
     without = replace(flight.course, rules=replace(flight.course.rules, pilot=PilotLimits()))
     flight = replace(flight, race=replace(flight.race, course=without))
@@ -437,7 +437,7 @@ def test_every_rule_that_differs_is_told_in_words() -> None:
         (Status.NOT_CERTIFIED, "x is not certified"),
     ],
 )
-def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: Status | None, words: str) -> None:
+def test_the_trust_that_a_flight_deserves_is_reported_in_its_own_word(state: Status | None, words: str) -> None:
     reference = circling(rovinj())
     other = replace(reference, source=Source("x", status=state))
     verdict, *_ = comparison_texts([compare_flights(reference, other)], every=False)

@@ -110,7 +110,7 @@ def test_margins_are_not_taken_for_other_limits_of_a_pilot() -> None:
     assert view("rules.pilot=race", "margins.rules.floor_m=0.05").stamp.pilot == "race"
 
 
-def test_a_reserve_is_told_as_asked_as_reached_and_as_missed() -> None:
+def test_a_reserve_is_reported_as_asked_as_reached_and_as_missed() -> None:
     wanted = ("rules.reserve.probability=0.9",)
     found = (*wanted, "rules.reserve.found.measured=0.93", "rules.reserve.found.lower=0.91")
     assert view().stamp.reserve_text == "none"

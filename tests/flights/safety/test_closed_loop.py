@@ -133,7 +133,7 @@ def test_gusts_scatter_more_the_stronger_they_are_and_none_scatter_nothing() -> 
     assert spread(Gusts.NONE) < 1e-3 < spreads[0] < spreads[1]
 
 
-def test_more_delay_scatters_more_and_too_much_is_told() -> None:
+def test_more_delay_scatters_more_and_too_much_is_reported() -> None:
     quick, slow = (
         fly_closed_loop(inputs().race, optimum(), flights=40, pilot=PilotModel(delay=delay), threads=1)
         for delay in (0.0, 0.3)
@@ -267,7 +267,7 @@ def test_counts_have_the_interval_of_clopper_and_pearson() -> None:
     assert half.lower == pytest.approx(0.3983, abs=1e-4)  # table of the binomial distribution
 
 
-def test_a_quantile_is_told_only_of_so_many_flights_that_one_is_beyond() -> None:
+def test_a_quantile_is_reported_only_of_so_many_flights_that_one_is_beyond() -> None:
     def told(count: int) -> list[bool]:
         flights = fly(loop(), UNDISTURBED, 0, [0])
         many = together([measure(judge(), loop(), flights)] * count)
@@ -295,7 +295,7 @@ def test_a_rose_of_winds_is_understood_or_refused() -> None:
             winds_named(wrong)
 
 
-def test_a_case_is_told_in_full_and_what_makes_no_sense_is_refused() -> None:
+def test_a_case_is_documented_in_full_and_what_is_out_of_range_is_refused() -> None:
     def case(flights: int = 3, gusts: str = "none", wind: float = 1.0, seed: int = 0) -> SafetyCase:
         errors = (wind, 0.0, 0.0, 0.0, 0.0)
         given = (inputs().race, optimum(), "short", flights, gusts, errors)

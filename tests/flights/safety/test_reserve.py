@@ -76,7 +76,7 @@ def test_a_margin_that_costs_more_is_smaller_and_leaves_more_of_the_risk() -> No
     assert 0.1 * found.margins["cheap"] + found.margins["dear"] < 1.1 * even.margins["a"]
 
 
-def test_what_cannot_be_had_is_told_and_margins_leave_room_between_opposite_limits() -> None:
+def test_what_cannot_be_had_is_reported_and_margins_leave_room_between_opposite_limits() -> None:
     found = allocate([limit("a", between=0.5), limit("", sigma=0.2)], {}, 0.01)
     assert not found.reaches
     assert math.isclose(found.margins["a"], 0.2)
@@ -300,8 +300,8 @@ def test_attempts_are_kept_with_the_stage_and_the_reserve_that_they_are_of() -> 
     other = with_overrides("rules.reserve.probability=0.8")
     assert tried.with_inputs(other).attempts == ()
     first, second = tried.checkpoint.attempts
-    forged = replace(first, attempt=replace(one, outside=10))
-    assert replace(tried, checkpoint=replace(tried.checkpoint, attempts=(forged, second))).attempts == ()
+    tampered = replace(first, attempt=replace(one, outside=10))
+    assert replace(tried, checkpoint=replace(tried.checkpoint, attempts=(tampered, second))).attempts == ()
     assert replace(tried, checkpoint=replace(tried.checkpoint, attempts=(second, first))).attempts == ()
 
 
@@ -310,9 +310,9 @@ def test_counts_that_flights_do_not_confirm_are_refused(monkeypatch: pytest.Monk
     given = with_overrides("rules.reserve.probability=0.9", "rules.reserve.gusts=severe")
     assert given.reserve is not None
     run = new_run(given).with_stage(optimum())
-    forged = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0.1, 0.0, 0.0, done=True)
+    tampered = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0.1, 0.0, 0.0, done=True)
     with pytest.raises(CheckpointError, match="attempt 1 of 4 is not what was stored"):
-        fly_reserve(run.with_attempt(forged, flown()), given.reserve, again, threads=1)
+        fly_reserve(run.with_attempt(tampered, flown()), given.reserve, again, threads=1)
 
 
 def test_another_reserve_is_searched_for_anew_and_margins_that_stay_say_where_they_were_measured() -> None:
@@ -359,7 +359,7 @@ def test_a_reserve_is_reached_and_costs_what_its_limits_add_up_to(
 
 
 @pytest.mark.slow
-def test_a_reserve_that_cannot_be_had_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reserve_that_cannot_be_had_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reserves, "FLIGHTS", 20)
     monkeypatch.setattr(reserves, "ALLOCATION_ITERATIONS_MAX", 1)
     monkeypatch.setattr(reserves, "ATTEMPTS_MAX", 1)

@@ -144,7 +144,7 @@ def test_places_to_sign_are_for_whom_they_are_asked() -> None:
     assert [one[0].text_content() for one in signs] == ["Race <b>director</b>", "Authority"]
 
 
-def test_winds_are_told_where_they_are_given() -> None:
+def test_winds_are_reported_where_they_are_given() -> None:
     rose = SafetyRose("course", {Wind(0.0, 0.0): case(), Wind(90.0, 180.0): "no flight was found: too much wind"})
     told = chapters(page_of(rose=rose))["In many winds"]
     assert "90 kt from 180" in told
@@ -270,7 +270,7 @@ def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
         (("--delay", "0.13", "OTHER"), "the pilot decides every 0.02 s"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line(
+def test_what_is_impossible_is_reported_in_one_line(
     arguments: tuple[str, ...], message: str, stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -287,7 +287,7 @@ def test_without_a_browser_there_is_another_way(tmp_path: Path, monkeypatch: pyt
         ensure_safety_file(tmp_path / "case.pdf", FLIGHTS, 1)
 
 
-def test_a_browser_that_does_not_print_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_browser_that_does_not_print_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = tmp_path / "chromium"
     broken.write_text("#!/bin/sh\necho no display >&2\n", encoding="utf-8")
     broken.chmod(0o755)

@@ -142,7 +142,7 @@ def test_a_card_is_a_png() -> None:
 
 
 @pytest.mark.parametrize("script", ["exit 1", "sleep 60"])
-def test_a_browser_that_ends_or_says_nothing_is_told(
+def test_a_browser_that_ends_or_says_nothing_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str
 ) -> None:
     broken = tmp_path / "chromium"

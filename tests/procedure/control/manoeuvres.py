@@ -28,7 +28,7 @@ EDGE_540 = load_inputs(Path(__file__).parents[3] / "tracks" / "half_cuban_eight.
 GRID = 0.01  # s
 SPACE = Rules(n_z=Interval(-4.0, 10.0), height=Interval(0.0, 2000.0))
 """Room for any manoeuvre."""
-LADDER = {
+MODEL_BUILDERS = {
     "transfer-function": build_transfer_functions,
     "state-space-inversion": build_state_space_inversion,
     "state-space": build_state_space,
@@ -147,9 +147,9 @@ def flown(name: str, air: Air = Air(), *, counting: bool = False) -> Flown:  # n
     return Flown(model, s, state, np.hstack([control, control[:, -1:]]))
 
 
-def ladder_model(stage: str, air: Air = Air(), *, counting: bool = False) -> FlightModel:  # noqa: B008 (it is frozen)
-    """A model of the ladder in the air of the test."""
-    return LADDER[stage](EDGE_540, SPACE, air, counting=counting)
+def build_model(stage: str, air: Air = Air(), *, counting: bool = False) -> FlightModel:  # noqa: B008 (it is frozen)
+    """The model of a fidelity in the air of the test."""
+    return MODEL_BUILDERS[stage](EDGE_540, SPACE, air, counting=counting)
 
 
 def _history(corners: Corners, s: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from manoeuvres import LADDER, ladder_model
+from manoeuvres import MODEL_BUILDERS, build_model
 
 from airrace.model.dynamics.flight_model import FlightModel
 from airrace.model.dynamics.outer_loop import LoadFactors, load_factors
@@ -20,7 +20,7 @@ from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.stage import STAGES, Stage
 
 STEP = 0.005
-MODELS = {stage: ladder_model(stage) for stage in LADDER}
+MODELS = {stage: build_model(stage) for stage in MODEL_BUILDERS}
 CONTROLLERS = {stage: fidelity_of(Stage(stage)).controller()(model) for stage, model in MODELS.items()}
 FACTORS = {stage: load_factors(model.system) for stage, model in MODELS.items()}
 
@@ -70,7 +70,7 @@ def row_of(stage: str, name: str) -> int:
     return [one.name for one in MODELS[stage].system.states].index(name)
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 @given(n_z=st.floats(-3.0, 7.0), n_y=st.floats(-0.15, 0.15), p=st.floats(-2.0, 2.0))
 def test_settled_model_flies_what_is_commanded(stage: str, n_z: float, n_y: float, p: float) -> None:
     wanted = commands(n_z, n_y, p)
@@ -78,7 +78,7 @@ def test_settled_model_flies_what_is_commanded(stage: str, n_z: float, n_y: floa
     assert (flown.n_z, flown.n_y, flown.p_Kbar) == pytest.approx((n_z, n_y, p), abs=2e-3)
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 @given(n_z=st.floats(-2.0, 6.0), n_y=st.floats(-0.1, 0.1))
 def test_settled_model_stays_as_it_is(stage: str, n_z: float, n_y: float) -> None:
     wanted = commands(n_z, n_y)
@@ -91,7 +91,7 @@ def test_settled_model_stays_as_it_is(stage: str, n_z: float, n_y: float) -> Non
     assert np.abs(rates[inner]).max() < 0.15
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 @pytest.mark.parametrize(("quantity", "size"), [("n_z", 0.5), ("n_z", -0.5), ("n_y", 0.05), ("p", 0.4), ("p", -0.4)])
 def test_step_of_one_command_is_answered_and_moves_nothing_else(stage: str, quantity: str, size: float) -> None:
     before = {"n_z": 2.0, "n_y": 0.0, "p": 0.0}
@@ -111,7 +111,7 @@ def test_step_of_one_command_is_answered_and_moves_nothing_else(stage: str, quan
             assert np.abs(history[:, row] - before[name]).max() < others[name]
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 @pytest.mark.parametrize("V_K", [55.0, 90.0])
 def test_reversals_faster_than_the_controls_die_out(stage: str, V_K: float) -> None:
     fly = closed_loop(MODELS[stage], CONTROLLERS[stage])
@@ -123,7 +123,7 @@ def test_reversals_faster_than_the_controls_die_out(stage: str, V_K: float) -> N
     assert flown[-1].n_z == pytest.approx(-1.5, abs=0.25)
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 @given(
     n_z=st.floats(-20.0, 20.0),
     n_y=st.floats(-3.0, 3.0),
@@ -140,7 +140,7 @@ def test_controls_stay_within_their_bounds_whatever_is_commanded(
         assert declared.lower <= value <= declared.upper
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 @settings(max_examples=25)
 @given(n_x=st.floats(-0.15, 0.05))
 def test_lever_settles_where_the_load_factor_along_the_path_is_the_commanded_one(stage: str, n_x: float) -> None:
@@ -152,4 +152,4 @@ def test_lever_settles_where_the_load_factor_along_the_path_is_the_commanded_one
 
 
 def test_every_model_with_an_inner_loop_has_an_inverse() -> None:
-    assert {stage.value for stage in STAGES if fidelity_of(stage).inner_controller} == set(LADDER)
+    assert {stage.value for stage in STAGES if fidelity_of(stage).inner_controller} == set(MODEL_BUILDERS)

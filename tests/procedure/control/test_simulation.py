@@ -1,4 +1,4 @@
-"""Manoeuvres of the point mass flown by every model of the ladder."""
+"""Manoeuvres of the point mass flown by the model of every fidelity."""
 
 import dataclasses
 import math
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from manoeuvres import LADDER, SCRIPTS, flown, ladder_model
+from manoeuvres import MODEL_BUILDERS, SCRIPTS, build_model, flown
 
 from airrace.model.dynamics.outer_loop import FlightPathState
 from airrace.model.environment import Air, Profile, StaticWind, Thermal, g0
@@ -49,21 +49,19 @@ def followed(
     step: float = STEP,
     gains: PathGains | None = None,
 ) -> Followed:
-    """A manoeuvre flown by a model of the ladder."""
+    """A manoeuvre flown by the model of a fidelity."""
     reference = flown(name, air).reference
     nodes = np.linspace(0.0, reference.duration, intervals + 1)
-    flying = tracking_simulator(
-        ladder_model(stage, air), fidelity_of(Stage(stage)).controller(), gains=gains, step=step
-    )
+    flying = tracking_simulator(build_model(stage, air), fidelity_of(Stage(stage)).controller(), gains=gains, step=step)
     return follow(flying, reference, nodes=nodes)
 
 
 def row(stage: str, name: str) -> int:
-    return [one.name for one in ladder_model(stage).system.states].index(name)
+    return [one.name for one in build_model(stage).system.states].index(name)
 
 
 @pytest.mark.parametrize(("name", "air"), [*((name, STILL) for name in SCRIPTS), *((name, WINDY) for name in IN_WIND)])
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 def test_manoeuvre_is_followed_in_the_air_that_the_reference_was_flown_in(stage: str, name: str, air: Air) -> None:
     flight = followed(stage, name, air)
     assert flight.finished
@@ -76,7 +74,7 @@ def test_manoeuvre_is_followed_in_the_air_that_the_reference_was_flown_in(stage:
         assert flight.time[-1] == pytest.approx(flown(name).reference.duration, rel=0.02)
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 def test_half_the_step_leads_to_the_same_flight(stage: str) -> None:
     for name in ("7 g slalom", "half Cuban eight"):
         whole, half = followed(stage, name), followed(stage, name, step=STEP / 2)
@@ -96,20 +94,20 @@ def mirrored(reference: Reference) -> Reference:
     return dataclasses.replace(reference, histories=histories)
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 def test_mirrored_reference_is_followed_in_the_mirrored_way(stage: str) -> None:
     reference = flown("7 g slalom").reference
     nodes = np.linspace(0.0, reference.duration, 30)
-    flying = tracking_simulator(ladder_model(stage), fidelity_of(Stage(stage)).controller())
+    flying = tracking_simulator(build_model(stage), fidelity_of(Stage(stage)).controller())
     one, other = (follow(flying, each, nodes=nodes) for each in (reference, mirrored(reference)))
     signs = np.array([[1.0], [-1.0], [1.0]])
     assert signs * other.state[:3] == pytest.approx(one.state[:3], abs=1e-4)
     assert other.tracking_error == pytest.approx(one.tracking_error, abs=1e-4)
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 def test_controls_lead_from_node_to_node_within_their_bounds(stage: str) -> None:
-    model = ladder_model(stage)
+    model = build_model(stage)
     flight = followed(stage, "half Cuban eight", intervals=240)
     steps = np.diff(flight.time)
     for value, declared in zip(flight.control, model.system.controls, strict=True):
@@ -125,13 +123,13 @@ def test_controls_lead_from_node_to_node_within_their_bounds(stage: str) -> None
 
 
 def _integrated(stage: str, x: Array, u: Array, duration: float) -> Array:
-    model, parts = ladder_model(stage), 5
+    model, parts = build_model(stage), 5
     for _ in range(parts):
         x = np.asarray(RK4.advance(model.system.rates, x, u, model.parameter_values, duration / parts)).ravel()
     return x
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 def test_departure_is_a_value(stage: str) -> None:
     flight = followed(stage, "half Cuban eight", gains=PathGains(K_p=-30.0, K_v=-30.0, K_mu=-20.0))
     assert not flight.finished
@@ -141,9 +139,9 @@ def test_departure_is_a_value(stage: str) -> None:
     assert np.isfinite(flight.state[:, 0]).all()
 
 
-@pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("stage", MODEL_BUILDERS)
 def test_rolls_are_counted_along(stage: str) -> None:
-    model = ladder_model(stage, counting=True)
+    model = build_model(stage, counting=True)
     reference = flown("barrel roll", counting=True).reference
     nodes = np.linspace(0.0, reference.duration, 40)
     flight = follow(tracking_simulator(model, fidelity_of(Stage(stage)).controller()), reference, nodes=nodes)
@@ -156,7 +154,7 @@ def test_phases_are_those_of_the_reference() -> None:
     whole = flown("barrel roll").reference
     parts = dataclasses.replace(whole, boundaries=np.array([0.0, 1.0, 2.5, whole.duration]))
     nodes = np.linspace(0.0, whole.duration, 21)
-    flying = tracking_simulator(ladder_model("six-dof"), fidelity_of(Stage.SIX_DOF).controller())
+    flying = tracking_simulator(build_model("six-dof"), fidelity_of(Stage.SIX_DOF).controller())
     flight = follow(flying, parts, nodes=nodes)
     times = np.interp(parts.boundaries, nodes, flight.time)
     assert flight.durations == pytest.approx(np.diff(times), abs=1e-3)

@@ -179,7 +179,7 @@ def test_moves_are_tried_again_where_one_that_saves_time_was_left_out(monkeypatc
     assert tried == [{0, 1, 2}, {1}]
 
 
-def test_loop_that_is_left_is_told() -> None:
+def test_loop_that_is_left_is_reported() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
     budget = dataclasses.replace(BUDGET, radii=(Radius(1.0),), iterations=0)
     told = " ".join(search_with(budget, SLALOM).report(0).loops)
@@ -234,7 +234,7 @@ def test_rough_time_of_the_best_way_is_near_the_certified_one(race: Race) -> Non
     assert optimum(race).search.routes[0].race_time == pytest.approx(seconds(optimum(race)), abs=0.03)
 
 
-def test_without_exploring_nothing_is_told() -> None:
+def test_without_exploring_nothing_is_reported() -> None:
     assert optimum(SLALOM, OFF).search.routes == ()
     assert optimum(SLALOM, OFF).search.seconds == 0.0
 
@@ -292,7 +292,7 @@ def found_around(optimum: StageResult) -> RoutesAround:
 
 
 @pytest.mark.slow
-def test_around_a_flight_the_wrong_way_round_the_right_way_is_found_and_told() -> None:
+def test_around_a_flight_the_wrong_way_round_the_right_way_is_found_and_reported() -> None:
     wrong = optimum(SLALOM, OFF)
     found = found_around(wrong)
     words, _, saved = found.text.removesuffix(" s").partition(", saves about ")
@@ -377,7 +377,7 @@ def test_run_started_from_a_good_flight_keeps_its_way(threads: int) -> None:
     assert result.provenance.source == "point-mass of calm.h5"
 
 
-def test_wrong_way_round_is_told_the_same_while_the_race_is_solved() -> None:
+def test_wrong_way_round_is_reported_the_same_while_the_race_is_solved() -> None:
     one, two = (started(optimum(SLALOM, OFF), QUICK, threads) for threads in (1, 2))
     assert one.remarks == two.remarks
     assert np.array_equal(one.trajectory.state, two.trajectory.state)
@@ -459,7 +459,7 @@ def test_the_report_of_a_search_around_a_flight_begins_with_the_route_of_the_fli
 
 
 @pytest.mark.parametrize("chosen", [OFF, QUICK])
-def test_where_an_alternative_has_become_the_fastest_the_optima_of_the_stage_are_told(
+def test_where_an_alternative_has_become_the_fastest_the_optima_of_the_stage_are_reported(
     chosen: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The search was around another flight, and its rough race times are not comparable with theirs."""

@@ -119,7 +119,7 @@ def test_every_state_has_its_exit_code() -> None:
     assert set(STATES) == {int(code) for code in ExitCode} - {int(ExitCode.USAGE)}
 
 
-def test_a_broken_file_among_many_is_told_also_to_github_and_the_others_are_flown(
+def test_a_broken_file_among_many_is_reported_also_to_github_and_the_others_are_flown(
     airrace: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken = write_course(airrace.folder, "broken")
@@ -184,7 +184,7 @@ def test_what_cannot_work_is_said_before_anything_is_flown(
     assert "schema:" in (airrace.folder / "oval.yaml").read_text()
 
 
-def test_quiet_says_nothing_about_success_and_a_retry_is_told_with_its_reason(airrace: Shell) -> None:
+def test_quiet_says_nothing_about_success_and_a_retry_is_reported_with_its_reason(airrace: Shell) -> None:
     ran = airrace("oval.yaml", "--quiet")
     assert (ran.code, ran.out, ran.err) == (0, "", "")
     ran = airrace("oval.yaml", "--set", "notes=crash-once", "--force", "--json")
@@ -317,7 +317,7 @@ def test_a_second_interrupt_ends_everything_at_once(airrace: Shell) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_the_batch_and_its_group_is_one_request_and_told_once(
+def test_a_signal_to_the_batch_and_its_group_is_one_request_and_reported_once(
     number: signal.Signals, airrace: Shell
 ) -> None:
     """`timeout` and others signal a process and then its group; the job hears the signal as well."""

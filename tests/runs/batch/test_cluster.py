@@ -102,7 +102,7 @@ def test_without_a_worker_jobs_end_when_the_wait_is_over_and_a_late_worker_flies
         assert result.code == 0
 
 
-def test_an_unreachable_scheduler_is_told_before_anything_starts(tmp_path: Path, log: Log) -> None:
+def test_an_unreachable_scheduler_is_reported_before_anything_starts(tmp_path: Path, log: Log) -> None:
     with started("tcp://127.0.0.1:9", tmp_path, log) as running:
         out, err = running.communicate(timeout=PATIENCE)
     assert (running.returncode, out) == (8, "")

@@ -75,7 +75,7 @@ def test_handicaps_and_spreads_follow_from_the_optima() -> None:
     assert [slow[key] for key in ("handicap_s", "least_s", "most_s", "spread_s")] == pytest.approx([3, 2.7, 4.4, 0.4])
 
 
-def test_a_missing_optimum_is_left_out_of_handicaps_and_told() -> None:
+def test_a_missing_optimum_is_left_out_of_handicaps_and_reported() -> None:
     found = some(50.0, math.nan)
     assert found.aircraft_table().objects()[1]["handicap_s"] is None
     assert found.as_object()["optima"][0]["slow_s"] is None  # type: ignore[index]

@@ -54,7 +54,7 @@ def test_every_combination_of_course_aircraft_and_values_is_a_job_with_the_texts
     assert [step.job.aircraft.text for step in plan.steps if step.job] == [path.read_text() for path in aircraft]
 
 
-def test_patterns_are_sorted_and_what_matches_nothing_is_told(tmp_path: Path) -> None:
+def test_patterns_are_sorted_and_what_matches_nothing_is_reported(tmp_path: Path) -> None:
     for name in ("b", "a"):
         write_course(tmp_path, name)
     plan = planned(tmp_path / "*.yaml", tmp_path / "x*.yaml", folder=tmp_path)
@@ -62,7 +62,7 @@ def test_patterns_are_sorted_and_what_matches_nothing_is_told(tmp_path: Path) ->
     assert [one.message for one in plan.findings] == ["no file matches this pattern"]
 
 
-def test_a_broken_file_is_told_with_its_line_and_the_others_are_flown(tmp_path: Path) -> None:
+def test_a_broken_file_is_reported_with_its_line_and_the_others_are_flown(tmp_path: Path) -> None:
     good, broken, torn = (write_course(tmp_path, name) for name in ("good", "broken", "torn"))
     broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
     torn.write_text(torn.read_text().replace("rules: {", "rules: ["))
@@ -172,7 +172,7 @@ def test_a_batch_file_says_all_that_the_command_line_says_which_comes_before_it(
         ("rules.n_z_max", "rules.n_z_mix", 4, "rules.n_z_mix"),
     ],
 )
-def test_a_value_that_courses_do_not_take_is_told_where_the_batch_file_gives_it(
+def test_a_value_that_courses_do_not_take_is_reported_where_the_batch_file_gives_it(
     old: str, new: str, line: int, key: str, batch: Path, tmp_path: Path
 ) -> None:
     batch.write_text(batch.read_text().replace(old, new))
@@ -190,7 +190,7 @@ def test_a_value_that_courses_do_not_take_is_told_where_the_batch_file_gives_it(
         ("until: point-mass", "until: [1]", 8, "must be text"),
     ],
 )
-def test_what_is_wrong_in_a_batch_file_is_told_with_its_line(
+def test_what_is_wrong_in_a_batch_file_is_reported_with_its_line(
     old: str, new: str, line: int, word: str, batch: Path
 ) -> None:
     batch.write_text(batch.read_text().replace(old, new))
@@ -428,7 +428,7 @@ def test_a_changed_checkpoint_is_noticed_but_a_copy_is_as_good(tmp_path: Path) -
 @pytest.mark.parametrize(
     "content", [b"", b"{", b"[]", b"null", b'{"schema": "airrace/job/1"}', b"\xff\xfe", b"[" * 9999]
 )
-def test_a_damaged_record_is_told_and_never_a_crash(content: bytes, tmp_path: Path) -> None:
+def test_a_damaged_record_is_reported_and_never_a_crash(content: bytes, tmp_path: Path) -> None:
     finished(tmp_path, job())
     record_path(tmp_path, "oval").write_bytes(content)
     assert reason(job(), tmp_path) == "its record is damaged"

@@ -72,7 +72,7 @@ def test_what_cannot_be_flown_is_a_point_and_its_neighbours_are_solved() -> None
         (["aircraft=edge450"], InputError, "edge540"),
     ],
 )
-def test_wrong_sweeps_are_told_before_anything_is_solved(sweep: list[str], error: type[Exception], text: str) -> None:
+def test_wrong_sweeps_are_reported_before_a_solve(sweep: list[str], error: type[Exception], text: str) -> None:
     with pytest.raises(error) as raised:
         airrace.sweep(run(), sweep)
     findings = raised.value.findings if isinstance(raised.value, InputError) else [raised.value]
