@@ -24,7 +24,7 @@ def flown_file() -> bytes:
 
 @pytest.fixture(scope="session")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """That file in a folder."""
+    """The file in a folder."""
     run = tmp_path_factory.mktemp("flown") / "rovinj.h5"
     run.write_bytes(flown_file())
     return run

@@ -26,8 +26,8 @@ SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
 
 def rows(text: str, *heading: str) -> list[list[str]]:
     """The rows of the table with this heading, without the marks of code."""
-    _, found, below = text.partition(f"| {' | '.join(heading)} |\n")
-    assert found, f"there is no table of {', '.join(heading)}"
+    _, heading_row, below = text.partition(f"| {' | '.join(heading)} |\n")
+    assert heading_row, f"there is no table of {', '.join(heading)}"
     table = below.split("\n\n")[0].splitlines()[1:]
     return [[cell.strip().strip("`") for cell in line[1:-1].split("|")] for line in table]
 
@@ -88,8 +88,8 @@ def test_the_shapes_of_the_checkpoint_are_as_documented(flown: Path) -> None:
         for path, _, shape, _ in rows(CHECKPOINT, "path", "kind", "shape", "content"):
             if shape:
                 path = path.replace("STAGE", "point-mass").replace("states/NAME", "states/x")
-                found = file[path.replace("NAME", "n_z_dot")]
-                assert found.shape == (sizes[shape.strip("`")],), path
+                values = file[path.replace("NAME", "n_z_dot")]
+                assert values.shape == (sizes[shape.strip("`")],), path
 
 
 def test_the_readme_has_at_most_150_lines() -> None:
@@ -112,7 +112,7 @@ def test_every_example_of_an_element_is_valid(example: str, tmp_path: Path) -> N
     assert len(inputs.race.course.passages) >= 3
 
 
-def test_the_page_on_versions_tells_the_numbers_that_are_read() -> None:
+def test_the_page_on_versions_lists_the_schemas_that_are_read() -> None:
     page = (DOCS / "versions.md").read_text(encoding="utf-8")
     models = [*(model() for model in LANGUAGES.values()), PresetEntry]
     languages = {tag for model in models for tag in get_args(model.model_fields["schema_"].annotation)}

@@ -123,9 +123,9 @@ def test_the_api_has_every_public_name_with_its_docstring(site: Path) -> None:
     names = [name for name in dir(airrace) if not name.startswith("_")]
     assert {"Course", "Race", "StageResult", "load_inputs"} <= set(names)
     for name in names:
-        found = getattr(airrace, name)
-        assert f'id="{found.__module__}.{found.__qualname__}"' in page, name
-        described = inspect.getdoc(found)
+        member = getattr(airrace, name)
+        assert f'id="{member.__module__}.{member.__qualname__}"' in page, name
+        described = inspect.getdoc(member)
         assert described, name
         assert described.splitlines()[0].replace("`", "") in text, name
     # the parameters of a record, and names that share a description
@@ -161,11 +161,11 @@ def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:  # Any: type
 def properties(node: Any) -> list[tuple[str, str]]:  # Any: JSON of any shape
     """Every key of a schema with its meaning, at any depth."""
     if isinstance(node, list):
-        return [found for one in node for found in properties(one)]
+        return [entry for element in node for entry in properties(element)]
     if not isinstance(node, dict):
         return []
-    own = [(key, one.get("description", "")) for key, one in node.get("properties", {}).items()]
-    return own + [found for one in node.values() for found in properties(one)]
+    own = [(key, entry.get("description", "")) for key, entry in node.get("properties", {}).items()]
+    return own + properties(list(node.values()))
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -190,18 +190,18 @@ def test_values_of_a_language_are_described_in_words(site: Path) -> None:
     assert "each_lap list of: list of: passing reference, at most 10000, at most 100" in text
 
 
-def test_the_defaults_of_the_settings_are_those_that_hold_where_nothing_is_said(site: Path) -> None:
+def test_the_documented_defaults_of_the_settings_are_the_defaults(site: Path) -> None:
     page = (site / "reference" / "settings.html").read_text(encoding="utf-8")
     cell = r"<td>(?:<code>)?([^<]*)(?:</code>)?</td>\s*"
-    told = {key: default for key, default in re.findall(rf"{cell}<td>.*?</td>\s*{cell}", page) if default}
+    documented = {key: default for key, default in re.findall(rf"{cell}<td>.*?</td>\s*{cell}", page) if default}
     parts = json_schema("settings")["definitions"]
     keys = {key: f"{name.removesuffix('Entry').lower()}.{key}" for name in parts for key in parts[name]["properties"]}
-    assert keys.keys() <= told.keys()
+    assert keys.keys() <= documented.keys()
     track = ROOT / "tracks" / "half_cuban_eight.yaml"
-    silent = load_inputs(track).settings
-    for key, default in told.items():
+    defaults = load_inputs(track).settings
+    for key, default in documented.items():
         if key != "schema":
-            assert load_inputs(track, overrides=[f"settings.{keys.get(key, key)}={default}"]).settings == silent, key
+            assert load_inputs(track, overrides=[f"settings.{keys.get(key, key)}={default}"]).settings == defaults, key
 
 
 def test_notebooks_and_documents_of_the_root_are_pages(site: Path) -> None:
