@@ -130,12 +130,12 @@ class Assembly:
         self.linear *= layout.scale
         self.final: FinalCost | None = None
         if (seen := objective.observation) is not None:
-            weights = np.array([objective.terminal.get(one.name, 0.0) for one in seen.quantities])
+            weights = np.array([objective.terminal.get(quantity.name, 0.0) for quantity in seen.quantities])
             end = len(layout.parameter_values())
             own = np.arange(end - len(objective.values), end)
             self.final = FinalCost(casadi_observation(seen.values), weights, layout.state_index[-1], own)
-        both = (*problem.system.states, *problem.system.controls)
-        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in both])
+        regularised = (*problem.system.states, *problem.system.controls)
+        weights = np.array([objective.regularisation.get(quantity.name, 0.0) for quantity in regularised])
         some = np.flatnonzero(weights)
         places = np.hstack([layout.state_index[:-1], layout.control_index])[:, some]
         penalty = Penalty(weights[some], places, layout.duration_index[:-1], self._fractions)
@@ -186,9 +186,11 @@ class Assembly:
         offsets = len(layout.problem.parameters) + layout.intervals + np.array([sample.offset for sample in samples])
         jumps = None
         if any(sample.jump is not None for sample in samples):
-            nothing = np.full(layout.n_x, len(layout.parameter_values()))  # the place of the zero behind p
+            without_jump = np.full(layout.n_x, len(layout.parameter_values()))  # the place of the zero behind p
             at = layout.jump_offset + np.arange(layout.n_x)
-            jumps = np.stack([nothing if one.jump is None else at + one.jump * layout.n_x for one in samples])
+            jumps = np.stack(
+                [without_jump if sample.jump is None else at + sample.jump * layout.n_x for sample in samples]
+            )
         return Calls(
             kernel=kernel,
             inputs=layout.state_index[nodes],
@@ -320,11 +322,11 @@ class Assembly:
         begins = np.append(layout.gap_index[:, 0], 0)
         for calls in self.calls:
             key = np.zeros(self._stages, dtype=np.int64)
-            here = np.ones((len(calls.stages), 1), dtype=np.int64)
+            descriptions = np.ones((len(calls.stages), 1), dtype=np.int64)
             if rows:
                 at = np.where(calls.rows < layout.constraints, calls.rows - begins[calls.stages, None], -1)
-                here = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
-            key[calls.stages] = 1 + unique_rows(here)[0]
+                descriptions = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
+            key[calls.stages] = 1 + unique_rows(descriptions)[0]
             often = np.bincount(calls.stages, minlength=self._stages) > 1
             key[often] = -1 - np.flatnonzero(often)
             keys.append(key)

@@ -69,11 +69,13 @@ class PathConstraint:
     exact: Observation | None = None
     at: float | None = None
 
-    def same_conditions(self, other: "PathConstraint") -> bool:
-        """Return whether two watches ask for the very same."""
-        alike = self.observation is other.observation and self.exact is other.exact
-        alike = alike and self.at is None and other.at is None
-        return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
+    def same_conditions(self, watch: "PathConstraint") -> bool:
+        """Return whether another watch along its whole phase asks for the same."""
+        if self.observation is not watch.observation or self.exact is not watch.exact:
+            return False
+        if self.at is not None or watch.at is not None:
+            return False
+        return self.values == watch.values and dict(self.bounds) == dict(watch.bounds)
 
 
 @dataclass(frozen=True)
@@ -107,20 +109,20 @@ class Phase:
         return int(np.argmax(apart <= apart.min() + WHOLE))
 
     def without_watches_at(self, node: int) -> Self:
-        """Return the phase without what is asked for at one node of it alone: where its state is known."""
-        others = (one for one in self.watches if one.at is None or self.nearest_node(one.at) != node)
-        return replace(self, watches=tuple(others))
+        """Return the phase without the watches at one node alone, where the state is known already."""
+        watches = (watch for watch in self.watches if watch.at is None or self.nearest_node(watch.at) != node)
+        return replace(self, watches=tuple(watches))
 
     def part(self, intervals: slice) -> Self:
         """Return some successive intervals as a phase of their own, with what is asked for at one node of them."""
         fractions = np.array(self.fractions)
-        before, whole = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
+        before, length = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
         watches: list[PathConstraint] = []
-        for one in self.watches:
-            at = one.at if one.at is None else (one.at - before) / whole
+        for watch in self.watches:
+            at = watch.at if watch.at is None else (watch.at - before) / length
             if at is None or -WHOLE <= at <= 1.0 + WHOLE:
-                watches.append(one if at is None else replace(one, at=min(max(at, 0.0), 1.0)))
-        return replace(self, fractions=tuple((fractions[intervals] / whole).tolist()), watches=tuple(watches))
+                watches.append(watch if at is None else replace(watch, at=min(max(at, 0.0), 1.0)))
+        return replace(self, fractions=tuple((fractions[intervals] / length).tolist()), watches=tuple(watches))
 
 
 @dataclass(frozen=True)
@@ -221,8 +223,12 @@ class Problem:
     def observations(self) -> list[Observation]:
         """All observations, each once."""
         watches = [watch for phase in self.phases for watch in phase.watches]
-        seen = [one.observation for one in (*self.boundaries, *watches, self.objective) if one.observation is not None]
-        return list({id(one): one for one in seen}.values())
+        seen = [
+            observer.observation
+            for observer in (*self.boundaries, *watches, self.objective)
+            if observer.observation is not None
+        ]
+        return list({id(observation): observation for observation in seen}.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,12 +277,12 @@ def interpolate(problem: Problem, durations: ArrayLike, state: ArrayLike, contro
             columns[-1][:, -1:] = begin
         else:
             begin = end
-    held = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
-    return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), held)
+    controls = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
+    return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), controls)
 
 
 def require_valid(problem: Problem) -> None:
-    """Refuse a problem that would silently mean something else than it says.
+    """Refuse an inconsistent problem.
 
     Raises:
         ValueError: a name is misspelt or means two things, numbers are missing or too many, the fractions of a phase
@@ -285,7 +291,7 @@ def require_valid(problem: Problem) -> None:
     if not problem.phases:
         raise ValueError("the problem has no phases")
     system = problem.system
-    counts = Counter(one.name for one in (*system.states, *system.controls, *system.path))
+    counts = Counter(quantity.name for quantity in (*system.states, *system.controls, *system.path))
     if twice := [name for name, count in counts.items() if count > 1]:
         raise ValueError(f"system {system.name!r} declares twice: {', '.join(sorted(twice))}")
     _require_count(f"system {system.name!r}", system.parameters, problem.parameters)
@@ -300,7 +306,7 @@ def require_valid(problem: Problem) -> None:
 def _check_objective(system: System, objective: Objective) -> None:
     seen = objective.observation.quantities if objective.observation is not None else ()
     _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *seen))
-    if both := {one.name for one in system.states} & {one.name for one in seen}:
+    if both := {quantity.name for quantity in system.states} & {quantity.name for quantity in seen}:
         raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(both))}")
     parameters = objective.observation.parameters if objective.observation is not None else ()
     _require_count("the objective", parameters, objective.values)
@@ -346,7 +352,7 @@ def _check_conditions(kind: str, place: Boundary | PathConstraint, states: tuple
 
 
 def _require_known(complaint: str, names: Mapping[str, Any], declared: Iterable[Quantity]) -> None:  # Any: values
-    """Refuse names that nothing was declared under."""
+    """Refuse undeclared names."""
     if unknown := names.keys() - {quantity.name for quantity in declared}:
         raise ValueError(f"{complaint}: {', '.join(sorted(unknown))}")
 

@@ -191,10 +191,10 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
         remarks.append(f"the recorded {', '.join(dropped)} {'is' if len(dropped) == 1 else 'are'} not used: {why}")
 
     for name in ("V_G", "V_A", "V_I"):
-        there = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
-        if not there.any():
+        recorded = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
+        if not recorded.any():
             continue
-        ratio = float(np.median(columns[name][rows][there] / derived["V_K"][there]))
+        ratio = float(np.median(columns[name][rows][recorded] / derived["V_K"][recorded]))
         if name in part.unsaid and ratio > 0.0:
             unit = min(_SPEEDS, key=lambda unit: abs(math.log(ratio * _SPEEDS[unit])))
             if unit != "m/s":
@@ -208,11 +208,11 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
         remarks += remark
     if "n_z" in columns and difference("n_z", derived["n_z"], turning) > LOAD_DIFFERENCE:
         drop(("n_z",), f"in turns it is off the path's by {difference('n_z', derived['n_z'], turning):.1f} g")
-    there = [name for name in _ANGLES if name in columns and name in part.unsaid]
-    largest = float(np.nanmax(np.abs(columns[there[0]]), initial=0.0)) if there else 0.0  # of the roll, if any
-    moves = bool(there) and float(np.nanstd(np.degrees(columns[there[0]]))) > ROLL_SCATTER
+    angles = [name for name in _ANGLES if name in columns and name in part.unsaid]
+    largest = float(np.nanmax(np.abs(columns[angles[0]]), initial=0.0)) if angles else 0.0  # of the roll, if any
+    moves = bool(angles) and float(np.nanstd(np.degrees(columns[angles[0]]))) > ROLL_SCATTER
     if 0.0 < math.degrees(largest) < FULL_TURN and turning.any() and moves:
-        for name in there:
+        for name in angles:
             columns[name] = np.degrees(columns[name])
         remarks.append("angles are taken in radians, for none is larger than a full turn of these")
     banked = turning & (np.abs(np.sin(mu)) > BANKED_SINE)
@@ -229,7 +229,7 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             columns[name] = np.where(stuck, np.nan, columns[name])
             first = int(part.lines[stuck][0])
             remarks.append(f"the recorded {what} stands still in turns from line {first} on and is not used there")
-    off, turned = (difference("phi", one, banked, _around) if "phi" in columns else 0.0 for one in (mu, -mu))
+    off, turned = (difference("phi", bank, banked, _around) if "phi" in columns else 0.0 for bank in (mu, -mu))
     if turned < BANK_DIFFERENCE < off:
         columns["phi"] = -columns["phi"]
         remarks.append("the recorded roll is taken with the other sign: so it fits the turns of the path")

@@ -34,7 +34,7 @@ class KernelTables(ctypes.Structure):
 class Batches(ctypes.Structure):
     """`struct batches` of `evaluator.h`."""
 
-    _fields_ = [("given", _POINTER * 4), ("found", _POINTER * 4)]
+    _fields_ = [("arguments", _POINTER * 4), ("results", _POINTER * 4)]
 
 
 class _Evaluator(ctypes.Structure):
