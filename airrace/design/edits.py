@@ -132,11 +132,11 @@ class _Text:
 
     def _with_value(self, node: yaml.Node, value: str) -> str:
         begin, end = node.start_mark.index, self._end(node)
-        rest = self.text[end:]
-        if (comment := re.match(r"( +)#", rest)) and "\n" not in self.text[begin:end]:
+        tail = self.text[end:]
+        if (comment := re.match(r"( +)#", tail)) and "\n" not in self.text[begin:end]:
             width = len(comment[1]) + end - begin - len(value)  # it stays in its column where there is room
-            rest = " " * max(1, width) + rest[len(comment[1]) :]
-        return self.text[:begin] + (" " if begin == end else "") + value + rest
+            tail = " " * max(1, width) + tail[len(comment[1]) :]
+        return self.text[:begin] + (" " if begin == end else "") + value + tail
 
     def _with_item(self, holder: yaml.CollectionNode, before: int | None, item: str) -> str:
         entries = _children(holder)

@@ -62,7 +62,7 @@ class SecondOrder:
 
     @property
     def hangs_on_weak_limits(self) -> bool:
-        """Whether it is only singular because nobody knows whether the weakly active limits hold."""
+        """Whether it is only singular because of the weakly active limits, which may not hold."""
         return self.curvature is Curvature.SINGULAR and self.least <= -self.saddle
 
     @property

@@ -256,9 +256,9 @@ class Layout:
         the phase that begins.
         """
         path, values = self.problem.system.path, self.problem.system.path_values
-        ranges = [
-            {quantity.name: narrow_range(quantity, phase.bounds) for quantity in path} for phase in self.problem.phases
-        ]
+        ranges: list[dict[str, Interval]] = []
+        for phase in self.problem.phases:
+            ranges.append({quantity.name: narrow_range(quantity, phase.bounds) for quantity in path})
         blocks: list[RowBlock] = []
         for phase, (begin, end) in enumerate(itertools.pairwise(self.first_node.tolist())):
             meeting = phase > 0 and begin not in self.jump_at

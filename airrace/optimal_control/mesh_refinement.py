@@ -33,8 +33,11 @@ def divide(mesh: Sequence[Fractions], iterate: Iterate, replay: Replay | None, p
         The new mesh, and the iterate on it: the new nodes lie on the replayed flight, or without one straight between
         those that there were.
     """
-    counts = iter(parts.tolist())
-    finer = [tuple(fraction / n for fraction in phase for n in [next(counts)] for _ in range(n)) for phase in mesh]
+    ends = np.cumsum([0, *(len(phase) for phase in mesh)]).tolist()
+    finer: Mesh = []
+    for phase, (first, last) in zip(mesh, itertools.pairwise(ends), strict=True):
+        counts = parts[first:last]
+        finer.append(tuple(np.repeat(np.asarray(phase) / counts, counts).tolist()))
     parent = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[parent]
     if replay is None:

@@ -194,9 +194,10 @@ class Problem:
     def jumps(self) -> Array:
         """The changes of every state at the end of every phase; shape (n_x, n)."""
         names = [quantity.name for quantity in self.system.states]
-        return np.array([[phase.jump.get(name, 0.0) for phase in self.phases] for name in names]).reshape(
-            len(names), len(self.phases)
-        )
+        jumps = np.zeros((len(names), len(self.phases)))
+        for column, phase in enumerate(self.phases):
+            jumps[:, column] = [phase.jump.get(name, 0.0) for name in names]
+        return jumps
 
     def states_before_jump(self, state: Array) -> Array:
         """Return the states in which the intervals end, before any jump; shape (n_x, N).

@@ -165,10 +165,8 @@ def _shares(layout: Layout, w: Array) -> Array:
 def _place(layout: Layout, direction: Array) -> tuple[str, str]:
     """Return the phase in which a direction begins, and what it changes most, for people."""
     system = layout.problem.system
-    states, controls = (
-        [quantity.text or quantity.name for quantity in part] for part in (system.states, system.controls)
-    )
-    names = [*states, "duration", *controls, "next duration"]
+    texts = [quantity.text or quantity.name for quantity in (*system.states, *system.controls)]
+    names = [*texts[: len(system.states)], "duration", *texts[len(system.states) :], "next duration"]
     stage_of, most = layout.stage_of_unknown, int(np.abs(direction).argmax())
     begin = int(np.min(stage_of[direction != 0.0]))
     place = int(np.sum(stage_of[:most] == stage_of[most]))

@@ -19,8 +19,8 @@ from airrace.optimal_control.trajectory import Array, Indices
 
 def unique_rows(keys: Indices) -> tuple[Indices, Indices]:
     """Return which rows of an array (n, m) are equal: the kind of each row, and the first row of each kind."""
-    whole = np.ascontiguousarray(keys, dtype=np.int64)
-    rows = whole.view(np.dtype((np.void, whole.itemsize * whole.shape[1]))).ravel()
+    table = np.ascontiguousarray(keys, dtype=np.int64)
+    rows = table.view(np.dtype((np.void, table.itemsize * table.shape[1]))).ravel()
     _, first, kind = np.unique(rows, return_index=True, return_inverse=True)
     return kind, first
 
@@ -200,8 +200,8 @@ class StageAssembly:
         flat = sums.choose(order, np.ones(len(order)))
         stage = np.repeat(entries.stages[order], np.diff(flat.begins))
         block = np.searchsorted(sums.block_ends, flat.sources, side="right")
-        nothing = np.zeros(len(order), dtype=np.int64)
-        families = nothing if entries.families is None else entries.families
+        zeros = np.zeros(len(order), dtype=np.int64)
+        families = zeros if entries.families is None else entries.families
         first = np.searchsorted(kind[entries.stages[order]], np.arange(int(kind.max()) + 2))
         self._kind, self._first = kind.astype(np.int32), first.astype(np.int32)
         self._begins, self._weights, self._blocks = flat.begins, flat.weights, block.astype(np.int32)

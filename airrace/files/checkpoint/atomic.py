@@ -88,18 +88,18 @@ def _opened_beside(target: Path) -> tuple[Path, BinaryIO]:
     while True:
         # Shortened, so that it stays a valid name where the target's is one.
         partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
-        file = cast(BinaryIO, open(partial, "xb", opener=opened))  # noqa: SIM115 which whoever is given it closes
+        file = cast(BinaryIO, open(partial, "xb", opener=opened))  # noqa: SIM115  # the caller closes it
         if mode is not None:
             with contextlib.suppress(OSError):  # on a file system without modes
                 partial.chmod(mode)  # which the mask of this process may have narrowed
         try:
             _lock(file)
-        except BlockingIOError:  # somebody takes it for left behind
+        except BlockingIOError:  # another process takes it for an orphan
             file.close()
             continue
         except OSError:  # no locks on this file system
             pass
-        if partial.exists():  # nobody took it for left behind before it was locked
+        if partial.exists():  # it was not removed as an orphan before it was locked
             return partial, file
         file.close()
 
@@ -121,14 +121,14 @@ def _lock(file: IO[bytes]) -> None:
     """Lock a file until it is closed; nothing is done on Windows.
 
     Raises:
-        OSError: somebody else has locked it, or there are no locks on this file system.
+        OSError: another process has locked it, or there are no locks on this file system.
     """
     if fcntl:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _rename(partial: Path, target: Path) -> None:
-    """Rename a file over another one; Windows refuses while somebody reads that, which takes a moment."""
+    """Rename a file over another one; Windows refuses while that is being read, which takes a moment."""
     for pause in (0.01, 0.05, 0.2):  # s, after which a refused rename is tried again
         try:
             os.replace(partial, target)

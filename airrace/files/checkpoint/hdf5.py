@@ -133,7 +133,7 @@ def open_image(image: bytes) -> Generator["Reader"]:
     """Give the root of an HDF5 file.
 
     Raises:
-        CheckpointError: no HDF5 file, or whatever HDF5 objects to while it is read.
+        CheckpointError: no HDF5 file, or one that HDF5 cannot read.
     """
     try:
         file = h5py.h5f.open_file_image(image)

@@ -106,12 +106,12 @@ class StoredTrajectory:
     controls: tuple[StoredHistory, ...]
 
 
-def stored_trajectory(flown: Trajectory) -> StoredTrajectory:
+def stored_trajectory(trajectory: Trajectory) -> StoredTrajectory:
     """Return a trajectory as it is stored."""
-    states = tuple(map(StoredHistory, flown.states, flown.state))
-    controls = tuple(map(StoredHistory, flown.controls, flown.control))
-    nodes = flown.first_node, flown.durations, flown.time, flown.time[:-1]
-    return StoredTrajectory(flown.phases, *nodes, states, controls)
+    states = tuple(map(StoredHistory, trajectory.states, trajectory.state))
+    controls = tuple(map(StoredHistory, trajectory.controls, trajectory.control))
+    nodes = trajectory.first_node, trajectory.durations, trajectory.time, trajectory.time[:-1]
+    return StoredTrajectory(trajectory.phases, *nodes, states, controls)
 
 
 def trajectory_of(stored: StoredTrajectory, path: str) -> Trajectory:

@@ -158,7 +158,8 @@ def compass(angle: float) -> float:
 
 def printable(text: str) -> str:
     """Return a name in one line, without characters that XML and viewers cannot take."""
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+    letters = [letter if letter.isprintable() else " " for letter in text]
+    return " ".join("".join(letters).split())
 
 
 Corner = list[float]
@@ -194,15 +195,17 @@ def cut_area(ring: Sequence[Corner]) -> list[list[Corner]]:
                 piece.append(begin)
             if has_begin != has_end:
                 piece.append(_interpolate(begin, end, side))
-        pieces.append(piece if inner else [[lon - 2.0 * side, *rest] for lon, *rest in piece])
+        if not inner:
+            piece = [[lon - 2.0 * side, *values] for lon, *values in piece]
+        pieces.append(piece)
     return [piece for piece in pieces if len(piece) > 2]
 
 
 def unwrapped(ring: Sequence[Corner]) -> list[Corner]:
     """Return corners whose longitudes go on beyond half a turn, without a jump."""
     corners = [list(ring[0])]
-    for lon, *rest in ring[1:]:
-        corners.append([corners[-1][0] + math.remainder(lon - corners[-1][0], 360.0), *rest])
+    for lon, *values in ring[1:]:
+        corners.append([corners[-1][0] + math.remainder(lon - corners[-1][0], 360.0), *values])
     return corners
 
 

@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
+from airrace.files.export.globe import printable
 from airrace.files.inputs.nodes import CORNERS_MAX, CROWDS_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX
 from airrace.files.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
 from airrace.files.inputs.surroundings import BOX_MAX, OBSTACLE_HEIGHT_MAX
@@ -26,6 +27,8 @@ from airrace.model.track.course import Origin, metres
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.quantities import FOOT
 
+NAME_MAX = 100
+"""The letters of a name that are kept."""
 GATE_WIDTH_MAX = 60.0
 """The length beyond which a line is no gate, m."""
 STRAIGHTNESS = 1.0
@@ -110,15 +113,15 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
     """
     latitude, longitude = next(mark.places[0] for mark in marks if mark.places)
     sketch = _Sketch(Origin(math.radians(latitude), math.radians(longitude)))
-    others = sketch.take_elements(marks)
+    surroundings = sketch.take_elements(marks)
     if len(sketch.elements) < 2:
         refuse(path, 0, "holds no two gates or pylons: expected points, or lines from pylon to pylon")
-    for mark in sorted(others, key=lambda mark: mark.named_subject is not Subject.AIRSPACE):
+    for mark in sorted(surroundings, key=lambda mark: mark.named_subject is not Subject.AIRSPACE):
         sketch.take_surroundings(mark)
     elements, lap = sketch.elements, sketch.passings()
     track = {
         "schema": "airrace/track/2",
-        "name": _printable(title),
+        "name": printable(title)[:NAME_MAX],
         "aircraft": "edge540",
         "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": 0},
         "rules": {"n_z_max": 10, "floor_m": 10, "start_speed_max_kt": 200},
@@ -132,7 +135,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
     track = {key: value for key, value in track.items() if value not in ({}, [])}
     text = yaml.safe_dump(track, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
     remarks = "".join(f"# {remark.text}\n" for remark in sketch.remarks)
-    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + remarks, tuple(sketch.remarks))
+    return SketchedCourse(NOTICE.format(path=printable(path)[:NAME_MAX]) + text + remarks, tuple(sketch.remarks))
 
 
 class _Sketch:
@@ -154,7 +157,7 @@ class _Sketch:
     def take_elements(self, marks: Sequence[Placemark]) -> list[Placemark]:
         """Take the elements; return the placemarks that may be something else."""
         partners, has_names = _partners(marks), any(mark.named_subject is Subject.ELEMENT for mark in marks)
-        others: list[Placemark] = []
+        surroundings: list[Placemark] = []
         for index, mark in enumerate(marks):
             if index in partners:
                 self._take_pair(mark, marks[partners[index]])
@@ -165,7 +168,7 @@ class _Sketch:
             elif mark.subject is Subject.FLIGHT:
                 self._drop(mark, "it belongs to a flight")
             elif mark.shape is PlacemarkShape.AREA or mark.subject not in (None, Subject.ELEMENT):
-                others.append(mark)
+                surroundings.append(mark)
             elif mark.shape is PlacemarkShape.LINE:
                 self._take_line(mark)
             elif mark.subject is None and mark.name and has_names:
@@ -176,7 +179,7 @@ class _Sketch:
                     self._guess(mark, "a single pylon", "there is none of the other side")
                 elif mark.named_subject is not Subject.ELEMENT:
                     self._guess(mark, "a pylon of the race", "its name does not say")
-        return others
+        return surroundings
 
     def _take_pair(self, first: Placemark, second: Placemark) -> None:
         left, right = (first, second) if _side(first) == "l" else (second, first)
@@ -334,7 +337,7 @@ class _Sketch:
     # Remarks.
 
     def _guess(self, mark: Placemark, taken_as: str, reason: str) -> None:
-        self.remarks.append(ImportRemark(_printable(mark.name), _form(mark), taken_as, reason))
+        self.remarks.append(ImportRemark(printable(mark.name)[:NAME_MAX], _form(mark), taken_as, reason))
 
     def _drop(self, mark: Placemark, reason: str) -> None:
         self._guess(mark, "", reason)
@@ -430,7 +433,3 @@ def _key(name: str, names: set[str]) -> str:
         key, number = f"{plain}_{number}", number + 1
     names.add(key)
     return key
-
-
-def _printable(text: str) -> str:
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:100]

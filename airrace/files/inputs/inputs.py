@@ -286,8 +286,8 @@ def shorten(findings: Sequence[Finding]) -> list[Finding]:
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
         of_file = list(group)
         shortened += of_file[:FINDINGS_MAX]
-        if rest := of_file[FINDINGS_MAX:]:
-            shortened.append(dataclasses.replace(rest[0], message=f"and {len(rest)} more findings from here on"))
+        if omitted := of_file[FINDINGS_MAX:]:
+            shortened.append(dataclasses.replace(omitted[0], message=f"and {len(omitted)} more findings from here on"))
     return shortened
 
 

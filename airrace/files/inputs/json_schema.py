@@ -55,7 +55,7 @@ class _Generator(GenerateJsonSchema):
     """The generator of pydantic, without what is not draft-07 and what the reader does not accept."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """Leave null out: an absent key is None to the models, but nobody may write `null`."""
+        """Leave null out: an absent key is None to the models, but `null` may not be written."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
@@ -100,7 +100,7 @@ class _Generator(GenerateJsonSchema):
 
 # Any: JSON of any shape.
 def _lone_references(node: Any) -> Any:
-    """Put references into an `allOf` of their own, for in draft-07 whatever stands beside `$ref` is ignored."""
+    """Put references into an `allOf` of their own, for in draft-07 everything beside `$ref` is ignored."""
     if isinstance(node, list):
         return [_lone_references(item) for item in cast(list[Any], node)]
     if not isinstance(node, dict):

@@ -93,7 +93,7 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
     """
     if not path:
         return value
-    name, rest = str(path[0]), path[1:]
+    name, remaining = str(path[0]), path[1:]
     schema = schema_of(expected)
     if node is None:
         node = MappingNode(PLACE)
@@ -102,17 +102,17 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
     if isinstance(node, MappingNode):
         entries = dict(node.entries)
         entry, annotation = entries.get(name), tags_of(expected).get(str(node.scalar("type")), expected)
-        if value.value is None and not rest:
+        if value.value is None and not remaining:
             entries.pop(name, None)
         else:
-            place = entry.key_place if entry and rest else PLACE
-            child = _replace(entry.value if entry else None, rest, value, inner(annotation, name))
+            place = entry.key_place if entry and remaining else PLACE
+            child = _replace(entry.value if entry else None, remaining, value, inner(annotation, name))
             entries[name] = MappingEntry(place, child)
         return MappingNode(node.place, entries)
     if isinstance(node, SequenceNode):
         if not (name.isascii() and name.isdigit() and int(name) < len(node.items)):
             raise ValueError(f"the list has items 0 to {len(node.items) - 1}, none named `{name}`")
         items = list(node.items)
-        items[int(name)] = _replace(items[int(name)], rest, value, inner(expected, 0))
+        items[int(name)] = _replace(items[int(name)], remaining, value, inner(expected, 0))
         return SequenceNode(node.place, tuple(items))
     raise ValueError(f"`{name}` cannot be set inside the single value {node.value!r}")

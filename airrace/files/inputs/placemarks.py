@@ -26,7 +26,7 @@ from airrace.flights.logs.recording import refuse
 from airrace.runtime.standard_streams import name_of
 
 NAMES = ("name", "title", "label")
-"""Attributes that say what a feature is called, whatever the case of their letters."""
+"""Attributes that name a feature, in any case of their letters."""
 HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
 """Attributes that say what a feature is, likewise."""
 
@@ -264,7 +264,7 @@ def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
 
 def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
     try:
-        root: Any = json.loads(content)  # Any: whatever the file holds; what does not fit raises
+        root: Any = json.loads(content)  # Any: JSON of any form; what does not fit raises
         kind = root["type"]
         if kind not in ("FeatureCollection", "Feature"):
             root = {"geometry": root}

@@ -34,7 +34,7 @@ ROWS_MAX = 200_000
 RACE_SPEEDS = (15.0, 340.0)
 """The speeds of aircraft in a race, m/s; they tell units that differ by a factor of 1000."""
 FLIGHT_SPEEDS = (2.0, 1000.0)
-"""The speeds of whatever flies at all, m/s."""
+"""The speeds of aircraft, m/s."""
 STRAYS_MAX = 5
 """The number of samples in a row, with wrong times while those around them agree, that are left out at least."""
 STEP_BACK_SAMPLES = 2000
@@ -59,8 +59,8 @@ def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
     if notation == "clock":
         return _clock_seconds(text)
     if notation == "hhmmss":
-        whole, _, decimals = text.partition(".")
-        digits = f"{int(whole):06d}"
+        integer, _, decimals = text.partition(".")
+        digits = f"{int(integer):06d}"
         return _clock_seconds(f"{digits[:-4]}:{digits[-4:-2]}:{digits[-2:]}.{decimals or 0}")
     value = float(text)
     if not math.isfinite(value):
@@ -198,11 +198,11 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
         while late < STEP_BACK_SAMPLES and row + late < len(time) and time[row + late] < time[before]:
             late += 1
         returns = row + late < len(time)
-        held = before
-        while early < STEP_BACK_SAMPLES and held >= cuts[-1] and (not keep[held] or time[held] > time[row]):
-            early += int(keep[held])
-            held -= 1
-        work += late + before - held
+        last = before
+        while early < STEP_BACK_SAMPLES and last >= cuts[-1] and (not keep[last] or time[last] > time[row]):
+            early += int(keep[last])
+            last -= 1
+        work += late + before - last
         if work > STEPS_BACK_WORK:
             refuse(path, int(lines[row]), "time runs backwards again and again; a log must be in the order of its time")
         off = float(time[before] - time[row])
@@ -214,7 +214,7 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
         elif late <= early:
             keep[row : row + late] = False
         else:
-            keep[held + 1 : row] = False
+            keep[last + 1 : row] = False
     remarks: list[str] = []
     if not keep.all():
         first = int(lines[np.flatnonzero(~keep)[0]])

@@ -33,7 +33,7 @@ TIME_FACTOR = 1.5
 SIDESLIP_MAX = math.radians(15.0)
 """The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not tell."""
 UNKNOWN_PULL = 25.0
-"""The acceleration that nobody knows of where samples are missing, m/s^2."""
+"""The unknown acceleration where samples are missing, m/s^2."""
 VERTICAL_RATIO = 1.5
 """The ratio of the accuracy of heights to that over ground; that of satellites is usually 1.5 to 2 (assumption)."""
 WANDER_RATE = 0.7

@@ -117,7 +117,7 @@ def recorded_path(path: Path, time: Array, places: Array, begin: float, end: flo
     """
     down, good = np.array([[1.0], [1.0], [-1.0]]), ~path.outliers & np.isfinite(places).all(axis=0)
     good &= (time >= begin) & (time <= end)
-    first, last = time[good][[0, -1]].tolist()  # where no place is near nobody knows the lift
+    first, last = time[good][[0, -1]].tolist()  # where no place is near the lift is unknown
     inside = (path.time > first - STEP) & (path.time < last + STEP)
     nodes = path.time[inside]
     position, velocity, force = (
@@ -376,8 +376,8 @@ def _log_roll_rate(aircraft: Aircraft, log: LogFlight) -> RollRate | None:
     rate = float(means.max()) - GREATEST_EXCESS * deviation
     if rate <= 0.0 or means.max() < STEADY_SHARE * shorter.max():
         return None
-    found = RollRate(math.log(rate), math.hypot(deviation / rate, AIRSPEED_DEVIATION))
-    return found if found.deviation < VISIBLE_RATE_DEVIATION and abs(found.factor) < RATE_FACTOR_MAX else None
+    estimate = RollRate(math.log(rate), math.hypot(deviation / rate, AIRSPEED_DEVIATION))
+    return estimate if estimate.deviation < VISIBLE_RATE_DEVIATION and abs(estimate.factor) < RATE_FACTOR_MAX else None
 
 
 def _means(values: Array, count: int) -> Array:

@@ -32,7 +32,7 @@ SAME_TIME = 1e-4
 ASIDE = 60.0
 """The distance from the centre of an element beyond which, or beyond its reach, nothing is a passing, m."""
 SILENCE = 10.0
-"""The time between two samples beyond which nobody knows what was passed between them, s."""
+"""The time between two samples beyond which what was passed between them is unknown, s."""
 COST_DISTANCE = 10.0
 """The distance from the centre at which a passing costs 1, m."""
 SLANT_COST = 20.0

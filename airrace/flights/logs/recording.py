@@ -262,5 +262,5 @@ def held(values: Array, time: Array) -> NDArray[np.bool_]:
     place = np.arange(count) - np.repeat(starts, runs)
     took = np.diff(time, prepend=time[0])
     resumed = (took[starts] > GAP_FACTOR * np.median(took)) & (runs != usual)
-    place[np.repeat(resumed, runs)] = 1  # behind a gap nobody knows how old the first one is
+    place[np.repeat(resumed, runs)] = 1  # behind a gap the age of the first one is unknown
     return np.asarray(place % usual != 0, np.bool_)

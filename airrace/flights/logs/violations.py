@@ -298,10 +298,12 @@ def _missed(
         return None
     penalty = math.nan if penalties.missed is None else penalties.missed
     some = np.unique([*range(0, len(rows), max(1, len(rows) // MISSED_ROWS)), int(np.argmin(away))]).tolist()
-    misses = [
-        Violation(crossing.name, "missed", when, float(away[row]), allowed, deviations(when).across, "m", penalty)
-        for row, when in ((row, float(flight.time[rows[row]])) for row in some)
-    ]
+    misses: list[Violation] = []
+    for row in some:
+        when, distance = float(flight.time[rows[row]]), float(away[row])
+        misses.append(
+            Violation(crossing.name, "missed", when, distance, allowed, deviations(when).across, "m", penalty)
+        )
     return min(misses, key=lambda miss: miss.deviations)
 
 

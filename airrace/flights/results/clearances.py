@@ -53,7 +53,7 @@ from airrace.procedure.planning.route_decisions import PLANNED_MAX
 from airrace.race import Race
 
 NEAR_MISS = 0.1
-"""The length by which a clearance is missed before it is reported, m: nobody beside the course could see less."""
+"""The length by which a clearance is missed before it is reported, m: less cannot be seen from beside the course."""
 BESIDE = 0.25
 """The time before and after a passing within which a near miss belongs to it, s."""
 
@@ -167,16 +167,13 @@ def least_of_all(flight: Flight, measured: Iterable[Distance]) -> tuple[Clearanc
         flight: a flight.
         measured: distances of the flight, e.g. `distances`.
     """
-    legs, none = legs_of(flight), np.zeros(0, np.int64)
-    clearances = (
-        _least(
-            flight,
-            distance,
-            np.concatenate([none, *(leg.rows for leg in legs if distance.legs is None or leg.number in distance.legs)]),
-        )
-        for distance in measured
-    )
-    return tuple(clearance for clearance in clearances if clearance is not None)
+    clearances: list[Clearance] = []
+    for distance in measured:
+        rows = [np.zeros(0, np.int64)]
+        rows += [leg.rows for leg in legs_of(flight) if distance.legs is None or leg.number in distance.legs]
+        if (clearance := _least(flight, distance, np.concatenate(rows))) is not None:
+            clearances.append(clearance)
+    return tuple(clearances)
 
 
 def least_distances(flight: Flight) -> tuple[Clearance, ...]:
@@ -199,8 +196,8 @@ def at_row(flight: Flight, distance: Distance, row: int) -> Clearance:
 
 def _least(flight: Flight, distance: Distance, rows: NDArray[np.int64]) -> Clearance | None:
     """Return the least distance at some times; None where none of them is known."""
-    known = rows[np.isfinite(distance.values[rows])]
-    return at_row(flight, distance, int(known[int(np.argmin(distance.values[known]))])) if len(known) else None
+    finite = rows[np.isfinite(distance.values[rows])]
+    return at_row(flight, distance, int(finite[int(np.argmin(distance.values[finite]))])) if len(finite) else None
 
 
 def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = None) -> Iterator[Distance]:

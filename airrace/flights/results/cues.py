@@ -394,6 +394,6 @@ def _cue(flight: Flight, leg: Leg, actions: tuple[Action, ...]) -> Cue:
     if not flight.has("x", "y", "z"):
         return Cue(leg, behind, math.nan, actions)
     distance = way(flight, leg)
-    at, whole = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
-    nearer = at < 0.5 * whole
-    return Cue(leg, before if nearer else behind, at if nearer else at - whole, actions)
+    at, length = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
+    nearer = at < 0.5 * length
+    return Cue(leg, before if nearer else behind, at if nearer else at - length, actions)

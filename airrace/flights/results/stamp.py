@@ -1,4 +1,4 @@
-"""The stamp of a flight: what it is, beside whatever is shown, printed or exported of it."""
+"""The stamp of a flight: what it is, beside everything shown, printed or exported of it."""
 
 import math
 from dataclasses import dataclass

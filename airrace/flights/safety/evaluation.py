@@ -2,7 +2,7 @@
 
 A passing is where a flight crosses the plane of its gate, nearest in time to where its clock shows the passing. It is
 measured by the conditions that the gate sets to an optimum. The wing's distance from pylons is that of
-`airrace.procedure.planning.clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is
+`airrace.procedure.planning.clearance`, in continuous time. An optimum lies on its limits, so what cannot be seen is
 allowed beyond each of them; see `Allowances`.
 """
 
@@ -338,8 +338,8 @@ def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, hal
         return np.concatenate([first, way, last], axis=2).reshape(3, -1)
 
     wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), pad(centre), pad(half))
-    whole = np.where(flights.lost < samples, flights.lost, samples + 1)
-    sound = np.asarray(np.arange(2, samples + 1)[:, None] < whole, np.bool_)
+    lost = np.where(flights.lost < samples, flights.lost, samples + 1)
+    sound = np.asarray(np.arange(2, samples + 1)[:, None] < lost, np.bool_)
     steps = np.transpose(racing[:-1] & sound)  # (n, K - 1)
     nearest = np.full((len(judge.pylons), count), np.inf)
     for row, pylon in enumerate(judge.pylons):

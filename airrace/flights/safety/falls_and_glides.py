@@ -67,7 +67,7 @@ class AirColumn:
 
     def wind(self, height: Array) -> Array:
         """Return the wind, north and east, m/s, shape (..., 2)."""
-        return np.stack([np.interp(height, self.height, one) for one in (self.north, self.east)], axis=-1)
+        return np.stack([np.interp(height, self.height, component) for component in (self.north, self.east)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,8 @@ class States:
             flight["V_K"] * np.sin(flight["gamma"]),
         )
         columns = [
-            np.interp(times, flight.time, one) for one in (flight["x"], flight["y"], flight["height"], *velocity)
+            np.interp(times, flight.time, history)
+            for history in (flight["x"], flight["y"], flight["height"], *velocity)
         ]
         return cls(np.stack(columns[:3], axis=1), np.stack(columns[3:], axis=1))
 

@@ -117,7 +117,7 @@ class Raster:
         """Return where the outline crosses some edges, m, shape (n, 2)."""
         begin = np.array([(row, column) for row, column, _ in ring])
         step = np.array([(1, 0) if north else (0, 1) for _, _, north in ring])
-        a, b = (self.inside[tuple(one.T)] for one in (begin, begin + step))
+        a, b = (self.inside[tuple(index.T)] for index in (begin, begin + step))
         return self.corner + self.cell * (begin + (a / (a - b))[:, None] * step)
 
 

@@ -353,8 +353,8 @@ def crowd_values(crowd: Crowd) -> tuple[float, ...]:
 def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: bool) -> Observation:
     """Return the observation of the distance from a crowd for a model whose states include `x, y, z`."""
     x, b = named_symbols(states), named_symbols(kind.parameters)
-    height, keep, *rest = b.values()
-    corners = list(zip(rest[::2], rest[1::2], strict=True))
+    height, keep, *corner_values = b.values()
+    corners = list(zip(corner_values[::2], corner_values[1::2], strict=True))
     width = None if exact else keep
     distance = _ground_distance(kind.shape, (x["x"], x["y"]), corners, width)
     if kind.slant:
@@ -483,7 +483,7 @@ def pylon_room_observation(system: System) -> Observation:
             """Return the way from the tip to the top of the pylon, and the velocity of the tip, at a time."""
             wing = [w + rate * t + 0.5 * bent * t * t for w, rate, bent in zip(right, turning, bend, strict=True)]
             rates = [rate + bent * t for rate, bent in zip(turning, bend, strict=True)]
-            half = side * b["semispan"] / sqrt(sum(one * one for one in wing))
+            half = side * b["semispan"] / sqrt(sum(component * component for component in wing))
             rows = list(zip(way, velocity, acceleration, wing, rates, strict=True))
             return [d - v * t - 0.5 * a * t * t - half * w for d, v, a, w, _ in rows], [
                 v + a * t + half * rate for _, v, a, _, rate in rows

@@ -78,7 +78,7 @@ def six_dof(
     pull = thrust(state.delta_T, V_A, rho, aircraft) / (aircraft.m * g0)
     x_B = rotation_to_body(state.alpha_K, state.beta_K)[0]
     n_x, n_y, down = (
-        sum(entry * one for entry, one in zip(row, force, strict=True)) + pull * along
+        sum(entry * component for entry, component in zip(row, force, strict=True)) + pull * along
         for row, along in zip(seen.R_KbarA, x_B, strict=True)
     )
     n_z = -down

@@ -1,6 +1,6 @@
 """Elements of a course: all that plan, problem, pictures and remarks ask of the thing that an aircraft passes.
 
-A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so whoever plans,
+A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so code that plans,
 optimises, draws or reviews a course needs to know no kind. Angles are in radians, clockwise from north; lengths in
 metres; positions in the track's north-east frame, heights above its origin.
 """
