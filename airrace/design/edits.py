@@ -15,7 +15,7 @@ import yaml
 from airrace.errors import UsageError
 from airrace.files.inputs.document import Document
 from airrace.files.inputs.nodes import KeyPath, dotted
-from airrace.files.inputs.yaml_reader import FAST, is_plain_text, quoted, read_yaml
+from airrace.files.inputs.yaml_reader import FAST, is_plain_text, quote, read_yaml
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def flow_text(value: Any) -> str:
         case str() if re.fullmatch(r"\w[\w-]*", value) and is_plain_text(value):
             return value
         case str():
-            return quoted(value)
+            return quote(value)
         case _:
             return json.dumps(value)
 

@@ -82,13 +82,13 @@ def _opened_beside(target: Path) -> tuple[Path, BinaryIO]:
     """
     mode = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
 
-    def opened(path: str, flags: int) -> int:
+    def open_new(path: str, flags: int) -> int:
         return os.open(path, flags, 0o666 if mode is None else mode)
 
     while True:
         # Shortened, so that it stays a valid name where the target's is one.
         partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
-        file = cast(BinaryIO, open(partial, "xb", opener=opened))  # noqa: SIM115  # the caller closes it
+        file = cast(BinaryIO, open(partial, "xb", opener=open_new))  # noqa: SIM115  # the caller closes it
         if mode is not None:
             with contextlib.suppress(OSError):  # on a file system without modes
                 partial.chmod(mode)  # which the mask of this process may have narrowed

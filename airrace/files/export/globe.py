@@ -181,7 +181,7 @@ def cut_line(corners: Sequence[Corner]) -> list[list[Corner]]:
 
 def cut_area(ring: Sequence[Corner]) -> list[list[Corner]]:
     """Return the pieces of an area, none of them closed, in the sense of rotation of the given one."""
-    corners = unwrapped(ring)
+    corners = unwrap(ring)
     farthest = max((corner[0] for corner in corners), key=abs)
     if abs(farthest) <= 180.0:
         return [list(ring)]
@@ -201,7 +201,7 @@ def cut_area(ring: Sequence[Corner]) -> list[list[Corner]]:
     return [piece for piece in pieces if len(piece) > 2]
 
 
-def unwrapped(ring: Sequence[Corner]) -> list[Corner]:
+def unwrap(ring: Sequence[Corner]) -> list[Corner]:
     """Return corners whose longitudes go on beyond half a turn, without a jump."""
     corners = [list(ring[0])]
     for lon, *values in ring[1:]:

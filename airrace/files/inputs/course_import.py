@@ -19,7 +19,7 @@ import yaml
 
 from airrace.files.export.globe import printable
 from airrace.files.inputs.nodes import CORNERS_MAX, CROWDS_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX
-from airrace.files.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
+from airrace.files.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, split_words, words_of
 from airrace.files.inputs.surroundings import BOX_MAX, OBSTACLE_HEIGHT_MAX
 from airrace.flights.logs.recording import refuse
 from airrace.model.track import polygons
@@ -186,7 +186,7 @@ class _Sketch:
         places = (*left.places, *right.places)
         width = _width(self._points(places))
         if 0.0 < width <= GATE_WIDTH_MAX:
-            self._add(SIDE.sub("", parted(first.name)), places, sided=True)
+            self._add(SIDE.sub("", split_words(first.name)), places, sided=True)
             return
         for mark in (first, second):
             self._add(mark.name, mark.places)

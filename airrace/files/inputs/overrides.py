@@ -7,7 +7,7 @@ from typing import cast
 from airrace.errors import Finding, InputError
 from airrace.files.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.files.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
-from airrace.files.inputs.yaml_reader import is_plain_text, plain_scalar, quoted, read_yaml
+from airrace.files.inputs.yaml_reader import is_plain_text, plain_scalar, quote, read_yaml
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
@@ -67,7 +67,7 @@ def value_text(value: str | int | float | bool) -> str:
     if not isinstance(value, str):
         return repr(value)
     is_plain = is_plain_text(value) and value == value.strip() and not value.startswith((*QUOTES, *INDICATORS))
-    return value if is_plain else quoted(value)
+    return value if is_plain else quote(value)
 
 
 def _scalar(text: str) -> str | int | float | bool | None:

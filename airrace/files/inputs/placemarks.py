@@ -70,10 +70,10 @@ SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
 
 def words_of(name: str) -> list[str]:
     """Return the words and numbers of a name in lower case: `g1_left`, `g1Left` and `G1 left` have the same."""
-    return re.findall(r"[^\W\d_]+|\d+", parted(name).lower())
+    return re.findall(r"[^\W\d_]+|\d+", split_words(name).lower())
 
 
-def parted(name: str) -> str:
+def split_words(name: str) -> str:
     """Return a name with a space before every capital letter that follows on a small one."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
 
@@ -137,7 +137,7 @@ class _Label:
     def of(cls, path: str, name: object, *hints: object, note: object = None) -> "_Label":
         return cls(path, _one_line(name), _one_line(" / ".join(str(hint) for hint in hints if hint)), _one_line(note))
 
-    def shaped(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
+    def placemarks(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
         """Yield a placemark if its places (longitude first) make one.
 
         The outline of an area is opened, and a line that ends where it begins is an area.
@@ -232,31 +232,31 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
     if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:
         parts = [(PlacemarkShape.LINE, [place for _, places in parts for place in places])]
     for shape, places in parts:
-        yield from label.shaped(shape, places)
+        yield from label.placemarks(shape, places)
 
 
 # GPX
 
 
 def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
-    def shaped(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
+    def placemarks(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
         name, *hints, note = (element.findtext(tag) for tag in ("name", "type", "sym", "desc"))
         places = [(point.get("lon", ""), point.get("lat", "")) for point in points]
-        return _Label.of(path, name, *hints, note=note).shaped(shape, places)
+        return _Label.of(path, name, *hints, note=note).placemarks(shape, places)
 
     for element in root:
         if element.tag == "wpt":
-            yield from shaped(element, PlacemarkShape.POINT, [element])
+            yield from placemarks(element, PlacemarkShape.POINT, [element])
         elif element.tag == "rte":
             points = list(element.iter("rtept"))
             if subject_in(element.findtext("name") or "") in (None, Subject.ELEMENT):
                 for point in points:
-                    yield from shaped(point, PlacemarkShape.POINT, [point])
+                    yield from placemarks(point, PlacemarkShape.POINT, [point])
             else:
-                yield from shaped(element, PlacemarkShape.LINE, points)
+                yield from placemarks(element, PlacemarkShape.LINE, points)
         elif element.tag == "trk":
             for segment in element.iter("trkseg"):
-                yield from shaped(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
+                yield from placemarks(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
 
 
 # GeoJSON
@@ -288,13 +288,13 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
     kind, places = geometry["type"], geometry.get("coordinates")
     match kind:
         case "Point":
-            yield from label.shaped(PlacemarkShape.POINT, [places])
+            yield from label.placemarks(PlacemarkShape.POINT, [places])
         case "LineString":
-            yield from label.shaped(PlacemarkShape.LINE, places)
+            yield from label.placemarks(PlacemarkShape.LINE, places)
         case "MultiPoint" if len(places) == 2:
-            yield from label.shaped(PlacemarkShape.LINE, places)
+            yield from label.placemarks(PlacemarkShape.LINE, places)
         case "Polygon":
-            yield from label.shaped(PlacemarkShape.AREA, places[0])
+            yield from label.placemarks(PlacemarkShape.AREA, places[0])
             for _ in places[1:]:
                 yield label.other("hole in an area", ", a hole")
         case "MultiPoint" | "MultiLineString" | "MultiPolygon":

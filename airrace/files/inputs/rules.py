@@ -407,7 +407,7 @@ class MarginsEntry(Schema):
         return by_key
 
 
-def tightened(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:
+def tighten(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:
     """Return a race with the margins of its track; valid only if nothing was reported."""
     margins = entry.by_key()
     limits = sorted({limit.key for limit in course_limits(race) if math.isfinite(limit.value)})

@@ -76,7 +76,7 @@ def is_plain_text(text: str) -> bool:
         return False
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Return a text as a double-quoted scalar, which is read back as this very text."""
     letters = ""
     for letter in text:

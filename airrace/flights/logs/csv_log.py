@@ -138,7 +138,7 @@ class ColumnLayout:
     decimal_comma: bool = False
     accuracy: float = 0.0
 
-    def corrected(self, name: str, numbers: Array) -> Array:
+    def correct(self, name: str, numbers: Array) -> Array:
         """Return recorded numbers of a quantity, scaled and shifted."""
         return self.scales.get(name, 1.0) * numbers + self.offsets.get(name, 0.0)
 
@@ -269,7 +269,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         if column.field.name in _ESSENTIAL and 2 * _unread(samples, column.header) >= len(time):
             samples.refuse_first_fault(column.header)
     histories = {
-        column.field.history: layout.corrected(column.field.name, cells) * column.factor(cells)
+        column.field.history: layout.correct(column.field.name, cells) * column.factor(cells)
         for column, cells in zip(measured, values, strict=True)
     }
     remarks = [*samples.remarks]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.logs.clocks import spread_repeated, true_times
-from airrace.flights.logs.recording import Recording, count_of, held, refuse
+from airrace.flights.logs.recording import Recording, count_of, refuse, repeats
 from airrace.model.track.course import Passage, metres
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
@@ -107,7 +107,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
     places = [name for name in PLACES if name in columns]
     finite = np.flatnonzero(_place(recording))
     stale = np.zeros(len(recording.time), bool)
-    stale[finite] = held(np.stack([columns[name][finite] for name in places]), recording.time[finite])
+    stale[finite] = repeats(np.stack([columns[name][finite] for name in places]), recording.time[finite])
     if stale.any():
         rows = len(finite) / max(len(finite) - int(stale.sum()), 1)
         remarks.append(f"positions are held over {rows:.3g} rows in the mean: only fresh ones count")
@@ -119,7 +119,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
         values = columns[name]
         finite = np.flatnonzero(np.isfinite(values))
         repeated = np.zeros(len(values), bool)
-        repeated[finite] = held(values[None, finite], recording.time[finite])
+        repeated[finite] = repeats(values[None, finite], recording.time[finite])
         if name in HEIGHTS:
             repeated |= stale & (np.diff(values, prepend=np.nan) == 0.0)
             missing = _missing_heights(values)

@@ -360,11 +360,11 @@ def _append(samples: SampleTable, number: int, values: dict[str, Any]) -> None: 
         samples.leave_out(number, "has no time", "timestamp")
         return
     place = [_number(values.get(name)) * SEMICIRCLE for name in ("position_lat", "position_long")]
-    altitude, speed = (_enhanced(values, name) for name in ("altitude", "speed"))
+    altitude, speed = (_enhanced_value(values, name) for name in ("altitude", "speed"))
     samples.append(number, when.timestamp(), *place, altitude, speed)
 
 
-def _enhanced(values: dict[str, Any], name: str) -> float:
+def _enhanced_value(values: dict[str, Any], name: str) -> float:
     """Return the enhanced value of a field where there is one, else the plain one."""
     enhanced = _number(values.get(f"enhanced_{name}"))
     return _number(values.get(name)) if math.isnan(enhanced) else enhanced

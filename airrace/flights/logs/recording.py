@@ -240,7 +240,7 @@ def rounding(values: Array) -> float:
     return resolution(values) / math.sqrt(12.0)
 
 
-def held(values: Array, time: Array) -> NDArray[np.bool_]:
+def repeats(values: Array, time: Array) -> NDArray[np.bool_]:
     """Return which samples only repeat the measurement before, shape (n,).
 
     Args:

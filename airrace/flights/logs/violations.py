@@ -175,7 +175,7 @@ def violations(
     return tuple(sorted(broken_rules, key=lambda violation: not violation.certain))
 
 
-def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
+def select_violations(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
     """Return the violations that people are shown, certain ones first, and a sentence on the near misses beside them.
 
     An optimum touches its limits everywhere, and so does every good flight within what its measurement may be wrong by:

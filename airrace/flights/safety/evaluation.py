@@ -170,17 +170,17 @@ class FlightMeasurements:
 def together(parts: Sequence[FlightMeasurements]) -> FlightMeasurements:
     """Return what all flights of some batches did, in their order."""
 
-    def joined(values: Sequence[Any]) -> Any:
+    def join(values: Sequence[Any]) -> Any:
         return np.concatenate(values, axis=-1)
 
     return FlightMeasurements(
-        joined([part.crossed for part in parts]),
-        {kind: joined([part.breaches[kind] for part in parts]) for kind in parts[0].breaches},
-        joined([part.touched for part in parts]),
-        joined([part.nearest for part in parts]),
-        {kind: joined([part.along[kind] for part in parts]) for kind in parts[0].along},
-        joined([part.deviations for part in parts]),
-        joined([part.lost for part in parts]),
+        join([part.crossed for part in parts]),
+        {kind: join([part.breaches[kind] for part in parts]) for kind in parts[0].breaches},
+        join([part.touched for part in parts]),
+        join([part.nearest for part in parts]),
+        {kind: join([part.along[kind] for part in parts]) for kind in parts[0].along},
+        join([part.deviations for part in parts]),
+        join([part.lost for part in parts]),
     )
 
 

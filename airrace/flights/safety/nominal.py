@@ -123,7 +123,7 @@ def errors(state: Array, line: Array) -> Array:
     )
 
 
-def displaced(line: Array, error: Array) -> Array:
+def displace(line: Array, error: Array) -> Array:
     """Return the states (17, n) that have errors (16, n) against those on the line, the inverse of `errors`."""
     R = rotation(list(line[4:8]))
     position = [line[i] + R[i][0] * error[0] + R[i][1] * error[1] + R[i][2] * error[2] for i in range(3)]
@@ -149,7 +149,7 @@ def gradients(values: Callable[[Array, Array], Array], line: Array) -> Array:
         for side in (width, -width):
             off = np.zeros((size + DISTURBANCES, line.shape[1]))
             off[place] = side
-            ends.append(values(displaced(line, off[:size]), off[size:]))
+            ends.append(values(displace(line, off[:size]), off[size:]))
         derivatives.append((ends[0] - ends[1]) / (2.0 * width))
     return np.stack(derivatives, axis=2)
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from airrace.flights.safety.disturbances import PILOT_DELAY
-from airrace.flights.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors, instants
+from airrace.flights.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displace, errors, instants
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, Plant, advance
 from airrace.optimal_control.trajectory import Array
 
@@ -120,7 +120,7 @@ def linearise(plant: Plant, nominal: NominalFlight, sample: float) -> LinearFlig
             if place < SIZE:
                 error = np.zeros((SIZE, count - 1))
                 error[place] = side
-                start = displaced(begin, error)
+                start = displace(begin, error)
             else:
                 inputs[place - SIZE] += side
             ends.append(errors(advance(rates, start, sample), end))
@@ -172,7 +172,7 @@ def predictors(F: Array, G: Array, waiting: int) -> Array:
     return later
 
 
-def delayed(K: Array, later: Array, waiting: int) -> Array:
+def delayed_gains(K: Array, later: Array, waiting: int) -> Array:
     """Return the gains L of v = L (e, what waits) that move the stick `waiting` samples later, (N, n_u, n + d n_u)."""
     rows = np.minimum(np.arange(len(K)) + waiting, len(K) - 1)
     return -K[rows] @ later
@@ -201,4 +201,4 @@ def train(model: PilotModel, linear: LinearFlight) -> PilotGains:
     K = regulator(linear.F, linear.G, Q, model.control_cost, Q * model.end / model.sample)
     later = predictors(linear.F, linear.G, model.waiting)
     alpha = later[:, [ERRORS.index("alpha_K")]]
-    return PilotGains(np.concatenate([delayed(K, later, model.waiting), alpha], axis=1))
+    return PilotGains(np.concatenate([delayed_gains(K, later, model.waiting), alpha], axis=1))
