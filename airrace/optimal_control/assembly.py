@@ -1,6 +1,6 @@
 """The assembly of a nonlinear program from the kernels of its intervals, and of the dense matrices of its stages.
 
-It tells on which unknowns each kernel is called, and of which of the results every constraint and every nonzero of the
+It states on which unknowns each kernel is called, and of which of the results every constraint and every nonzero of the
 derivatives is a weighted sum; the weights carry the scaling. These are index arrays, which depend on the structure of a
 problem alone and are made in time linear in its length. `evaluation.py` evaluates them.
 """
@@ -310,7 +310,7 @@ class Assembly:
         return matrix.build()
 
     def structure_keys(self, *, rows: bool) -> Indices:
-        """Return what tells stages apart whose derivatives have other patterns, shape (N + 1, n).
+        """Return keys that distinguish stages whose derivatives have other patterns, shape (N + 1, n).
 
         Stages are alike where all is equal. None is like a stage at which a kernel is called twice.
 

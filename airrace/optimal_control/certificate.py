@@ -106,7 +106,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Certificate:
-    """All measured items of one result, the solver's own words, and what the curvature tells where it is known."""
+    """All measured items of one result, the solver's status, and the curvature where it is known."""
 
     solver_status: str
     items: tuple[Item, ...]

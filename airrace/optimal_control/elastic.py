@@ -1,8 +1,8 @@
 """Problems whose limits give way, and how far they have to.
 
-Two problems of the same structure differ in numbers alone: one is asked for, the other is milder. Between them, and
+Two problems of the same structure differ in numbers alone: the nominal one and a milder one. Between them, and
 beyond the milder one, lies a line of problems, on which every number moves in proportion. How far along that line the
-limits have to give way is one more state `relaxed`, without a rate: 0 for what is asked for, 1 for the milder problem.
+limits have to give way is one more state `relaxed`, without a rate: 0 for the nominal problem, 1 for the milder one.
 
     c(x, u, p + relaxed dp) - relaxed d_upper <= upper,     relaxed >= 0
 
@@ -121,7 +121,7 @@ def elastic(nominal: Problem, relaxed_problem: Problem, *, weight: float, furthe
     """Return the problem of giving way as little as possible.
 
     Args:
-        nominal: what is asked for.
+        nominal: the problem to be relaxed.
         relaxed_problem: the same with milder numbers.
         weight: of a whole step from the one to the other, in the unit of the objective.
         furthest: the largest number of such steps.

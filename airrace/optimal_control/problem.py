@@ -1,4 +1,4 @@
-"""The problem language: it says what is to be optimised, and nothing about how.
+"""The problem language: what is to be optimised, and nothing about how.
 
 A problem is a `System` in phases. Each phase has a mesh, limits along its path, a range for its duration and
 conditions at its end; the first also has conditions at its start. States are continuous from phase to phase, unless a
@@ -326,7 +326,7 @@ def _check_phase(system: System, phase: Phase) -> None:
         raise ValueError(
             f"the duration of phase {phase.name!r} is {phase.duration!r}; give its range in s as Interval(0.01, 5.0)"
         )
-    # Comparisons with NaN are false, so everything is asked the way in which NaN fails.
+    # Comparisons with NaN are false, so conditions are stated so that NaN fails.
     if not all(fraction > 0.0 for fraction in phase.fractions) or not abs(sum(phase.fractions) - 1.0) <= WHOLE:
         raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")
     if not phase.duration.lower >= 0.0:

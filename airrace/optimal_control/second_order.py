@@ -7,13 +7,13 @@ the objective regularises is part of it.
 
 Curvature is `d' H d / d' W d` in scaled unknowns, with the share of the whole duration that each stage stands for on
 W's diagonal: what a change of one scale in the mean square costs, on every mesh alike. The least one exceeds a number s
-if and only if `H - s W` is positive definite on these directions, which a Riccati recursion tells, from the last stage
+if and only if `H - s W` is positive definite on these directions, which a Riccati recursion finds from the last stage
 to the first. At stage k, with z = (x, u), gaps `x_next = F z` and rows `C z = 0` of limits, what follows costs
 `x' P x` and exists where `A x = 0`:
 
     M = H - s W + F' P F,   D = (C; A F)
 
-The singular values of D's part in u tell which rows some u can keep. These are solved for u exactly, and what is left
+The singular values of D's part in u show which rows some u can keep. These are solved for u exactly, and what is left
 of D binds x alone: it is handed on to the stage before [Vanroye et al. 2023]. The u that are still free are eliminated
 by Cholesky's method, whose first pivot that is not positive gives a direction of that little curvature from that stage
 on. There is no division by any other pivot, so errors are those of Cholesky's method. Costs are linear in the number of
@@ -93,7 +93,7 @@ def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Arra
     A limit is an equality where its scaled multiplier exceeds its scaled slack. An interior point method leaves
     a product of both that is the same everywhere; where the exact multiplier is zero it leaves a multiplier above the
     slack only if the curvature across the limit exceeds 1, so that nothing negative is hidden by keeping it. Where it
-    left one that is smaller than the slack, the exact one may be above zero none the less: negative curvature tells a
+    left one that is smaller than the slack, the exact one may be above zero none the less: negative curvature makes a
     saddle only where it is left with all weakly active limits as equalities.
 
     Args:
@@ -246,7 +246,7 @@ def direction_below(form: StageQuadratic, shift: float) -> Array | None:
 
 
 def descent_direction(form: StageQuadratic, saddle: float) -> Array | None:
-    """Return a direction of less curvature than `-saddle` that gains enough to tell a saddle; None where none does.
+    """Return a direction of less curvature than `-saddle` that gains enough for a saddle; None where none does.
 
     One that gains too little is made to count for more, so that the others are seen.
     """

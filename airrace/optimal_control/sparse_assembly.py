@@ -126,7 +126,7 @@ class COOBuilder:
 
         Args:
             size: of the block.
-            begins: where those of each stage begin within it, shape (stages,); None where that is not asked for.
+            begins: where those of each stage begin within it, shape (stages,); None where that is not needed.
         """
         if begins is not None:
             self._begins.append(self._ends[-1] + begins)

@@ -85,7 +85,7 @@ class Observation:
 
 
 SYMBOLS = threading.RLock()
-"""Held by who makes or pickles functions where other threads may do so: casadi lets other threads run meanwhile, and
+"""Held while functions are made or pickled where other threads may do so: casadi lets other threads run meanwhile, and
 counts references to SX nodes without a lock."""
 
 

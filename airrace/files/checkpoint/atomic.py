@@ -46,7 +46,7 @@ def replacing(path: Path) -> Generator[BinaryIO]:
 
     Raises:
         StorageError: the system refused (disk full, no permission, not a regular file, ...). The old file is
-            untouched and nothing is left beside it, as after any other error of who writes.
+            untouched and nothing is left beside it, as after any other error of the writer.
     """
     try:
         target = Path(os.path.realpath(path))  # resolve() raises an error of its own for a loop of links

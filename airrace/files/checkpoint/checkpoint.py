@@ -65,12 +65,12 @@ class ReserveAttempt:
     """A finished attempt of the search for a reserve: what was measured, and with what the next one begins.
 
     Attributes:
-        asked: JSON text of the reserve that is searched for.
+        asked: JSON text of the requested reserve.
         flights: number of closed-loop flights; 0 where there is no flight with such margins.
         outside: the flights that break a limit other than the load factor.
         over_load: the flights that exceed the load factor.
         risk: to be allocated to all limits but the load factor.
-        load_risk: to be allocated to the load factor; 0 where no margin of it is asked for.
+        load_risk: to be allocated to the load factor; 0 without a margin of it.
         lift: the share of the full margin of the lift coefficient.
         done: whether no attempt follows.
     """
@@ -107,7 +107,7 @@ class Checkpoint:
     """A run as it is stored: its inputs and its finished stages.
 
     Attributes:
-        inputs: what was asked for.
+        inputs: of the run.
         versions: the versions of airrace and of what its numbers depend on (casadi, numpy, python), by name.
         stages: finished stages in the order of `Stage`, each at most once.
         attempts: finished attempts of a search for a reserve that has not ended, in their order.
@@ -138,7 +138,7 @@ class Checkpoint:
         return replace(self, attempts=(*standing, StoredAttempt(attempt, overrides, result, link)))
 
     def standing_attempts(self, asked: str) -> tuple[StoredAttempt, ...]:
-        """Return the attempts that were made from the last stage as it is now, for the reserve that is asked for."""
+        """Return the attempts that were made from the last stage as it is now, for the requested reserve."""
         standing: list[StoredAttempt] = []
         before = self.stages[-1].chain_hash if self.stages else ""
         for stored in self.attempts:

@@ -11,7 +11,7 @@
     tuple of other records             group of groups 1, 2, ...
     further numbers                    table `summary` of one row
 
-What types do not say, such as units and names that differ, a `Layout` says for the fields of a record.
+What types do not state, such as units and names that differ, a `Layout` states for the fields of a record.
 """
 
 import functools

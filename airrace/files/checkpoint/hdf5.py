@@ -165,7 +165,7 @@ class Allowance:
 class Reader:
     """A group that is read, and its path, which every message names.
 
-    Its methods raise a `CheckpointError` unless a member is of just the kind that is asked for: no link, of no other
+    Its methods raise a `CheckpointError` unless a member is of the requested kind: no link, of no other
     type, not filtered and not stored elsewhere.
     """
 

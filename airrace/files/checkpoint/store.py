@@ -67,7 +67,7 @@ logger = logging.getLogger(__name__)
 
 CODEC = Codec(LAYOUTS | LOG_LAYOUTS)
 CONTENT = "content"
-"""The attribute that tells flight logs from runs, which have none."""
+"""The attribute of flight logs that runs do not have."""
 SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 

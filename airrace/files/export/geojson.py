@@ -104,5 +104,5 @@ def _positions(flight: Flight) -> list[list[float]]:
 
 
 def feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
-    """Return a feature: its geometry and what is said of it."""
+    """Return a feature: its geometry and properties."""
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

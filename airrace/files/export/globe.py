@@ -66,10 +66,10 @@ def on_globe(flight: Flight, origin: Origin | None) -> Flight:
 
     Args:
         flight: of any course.
-        origin: where the track's frame lies; None for what its course says.
+        origin: where the track's frame lies; None for that of its course.
 
     Raises:
-        UsageError: the course says nothing.
+        UsageError: the course has none.
     """
     origin = origin or flight.course.origin
     if not origin.has_coordinates:

@@ -277,7 +277,7 @@ def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:
         present, missing = f"damping_{axis}", f"omega_{axis}_rad_s"
         if D is None:
             present, missing = missing, present
-        reporter.key(("linear", present), f"tells nothing without {missing}; give both or neither")
+        reporter.key(("linear", present), f"has no meaning without {missing}; set both or neither")
         return None
 
     return LinearLoops(

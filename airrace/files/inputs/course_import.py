@@ -195,7 +195,7 @@ class _Sketch:
     def _take_line(self, mark: Placemark) -> None:
         width = _width(self._points(mark.places))
         if len(mark.places) > 2:
-            self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name tells what else it is")
+            self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name marks it as anything else")
         elif not 0.0 < width <= GATE_WIDTH_MAX:
             self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m")
         else:
@@ -289,7 +289,7 @@ class _Sketch:
         for box in boxes:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
         if not match:
-            self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
+            self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note has a height such as `60 m`")
         elif height != stated:
             limits = f"the height of an obstacle is more than 0 and at most {OBSTACLE_HEIGHT_MAX:g} m"
             self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {stated:.4g} m are named")
@@ -372,7 +372,7 @@ def _partners(marks: Sequence[Placemark]) -> dict[int, int]:
 
 
 def _side(mark: Placemark) -> str:
-    """Return the side that a name tells: `l`, `r` or nothing."""
+    """Return the side in a name: `l`, `r` or nothing."""
     sides = [SIDES[word] for word in words_of(mark.name) if word in SIDES]
     return sides[0] if len(sides) == 1 else ""
 

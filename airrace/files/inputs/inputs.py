@@ -340,7 +340,7 @@ def sources_of(inputs: Inputs) -> tuple[tuple[str, str, str], ...]:
     for kind, document in (("track", inputs.track), ("aircraft", inputs.aircraft)):
         parsed = None if is_of_objects(document) else reader.open(document, kind)
         if parsed is None:
-            sources.append((kind, "", "built in Python: no file says it"))
+            sources.append((kind, "", "built in Python, not read from a file"))
             continue
         root = parsed.reporter.root
         source, rules = root.scalar("source"), root.get("rules")

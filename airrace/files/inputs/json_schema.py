@@ -69,7 +69,7 @@ class _Generator(GenerateJsonSchema):
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
         """Leave `discriminator` out, which belongs to OpenAPI.
 
-        The constant `type` of every member tells the members apart.
+        The constant `type` distinguishes the members.
         """
         described = super().tagged_union_schema(schema)
         described.pop("discriminator", None)

@@ -59,7 +59,7 @@ WORDS = (
     (Subject.CROWD, "people|stands?|visitors?|vip|beach|promenade|tribunes?|car park|parking|camp(ing|site)?"),
     (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
 )
-"""The words that tell what a placemark is, as regular expressions; the first line of which one is met decides."""
+"""The words that name the subject of a placemark, as regular expressions; the first line with a match decides."""
 _PATTERNS = [(subject, re.compile(rf"\b({words})\b")) for subject, words in WORDS]
 _LABEL = re.compile(r"[a-z]{0,3} ?\d{1,3} ?[a-z]?|[a-z]")
 """Names of elements without a word: `g4`, `P 12`, `7`, `wp3a`, `c`."""
@@ -102,7 +102,7 @@ class Placemark:
         shape: what its places are.
         places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
         hint: words beside it that may say what it is: of attributes, its style, and its folders from the innermost.
-        note: what is said about it.
+        note: its description.
     """
 
     name: str
@@ -113,7 +113,7 @@ class Placemark:
 
     @cached_property
     def named_subject(self) -> Subject | None:
-        """The subject by the name alone; None where that does not tell."""
+        """The subject by the name alone; None where it names none."""
         element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
         return subject_in(self.name) or (Subject.ELEMENT if element else None)
 

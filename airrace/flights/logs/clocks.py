@@ -28,11 +28,11 @@ SINCE_1970_MIN = 1e8
 SINCE_1970_MAX = 1e11
 """Up to this many, s."""
 MOVED_MIN = 50.0
-"""The distance between two samples that tell the speed of the aircraft, m."""
+"""The distance between two samples from which the speed of the aircraft follows, m."""
 ROWS_MAX = 200_000
 """The number of rows that are looked at for the speed, about."""
 RACE_SPEEDS = (15.0, 340.0)
-"""The speeds of aircraft in a race, m/s; they tell units that differ by a factor of 1000."""
+"""The speeds of aircraft in a race, m/s; they distinguish units that differ by a factor of 1000."""
 FLIGHT_SPEEDS = (2.0, 1000.0)
 """The speeds of aircraft, m/s."""
 STRAYS_MAX = 5
@@ -129,7 +129,7 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
         InputError: the unit that is named cannot be true.
     """
     speed = usual_speed(time, places)
-    if math.isnan(speed):  # nothing moves, but numbers that count from 1970 tell their unit by their size
+    if math.isnan(speed):  # nothing moves, but numbers that count from 1970 show their unit by their size
         large = float(np.median(np.abs(time)))
         likely = next((name for name, tick in TICKS.items() if large * tick < SINCE_1970_MAX), "s")
         return TICKS[unit or likely], ()

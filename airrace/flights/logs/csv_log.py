@@ -47,7 +47,7 @@ class Field:
     Attributes:
         name: in a mapping.
         history: the name of the history that it becomes; empty for the time.
-        units: the units it may be recorded in, each with its factor to SI; the first one is taken where none is said.
+        units: the units it may be recorded in, each with its factor to SI; the first one is the default.
         aliases: headers, in small letters and without their unit, by which it is known where there is no mapping.
     """
 
@@ -145,9 +145,9 @@ class ColumnLayout:
 
 @dataclass(frozen=True)
 class CsvColumn:
-    """A column of the file: where it stands, what it records, and its unit; that is empty where none is said.
+    """A column of the file: where it stands, what it records, and its unit; empty where none is stated.
 
-    `usual` is the unit that its dialect has where the file says none.
+    `usual` is the unit that its dialect has where the file states none.
     """
 
     index: int
@@ -327,7 +327,7 @@ def _find_headers(
 ) -> tuple[str, list[CsvColumn], int, list[tuple[int, str]]]:
     """Return the delimiter, the columns that are read, and lines below the headers that were looked at already.
 
-    Before these lines stands the place of the column that tells receivers apart, -1 where there is none.
+    Before these lines stands the place of the column that distinguishes receivers, -1 where there is none.
     """
     best = (-1, 0, list[str]())
     above: tuple[str, list[str]] = ("", [])

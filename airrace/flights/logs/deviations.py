@@ -31,7 +31,7 @@ ACCELERATION_FACTOR = 4.0
 TIME_FACTOR = 1.5
 """That of the position for the time of a passing: 68 and 95 % lie within one and two of these deviations."""
 SIDESLIP_MAX = math.radians(15.0)
-"""The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not tell."""
+"""The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not show."""
 UNKNOWN_PULL = 25.0
 """The unknown acceleration where samples are missing, m/s^2."""
 VERTICAL_RATIO = 1.5

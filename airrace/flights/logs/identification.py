@@ -145,7 +145,7 @@ class Estimate:
 
     Attributes:
         factors: logarithms of the factors of C_D0, k and power, shape (3,); zero where they are not visible.
-        visible: whether the data tell them, shape (3,).
+        visible: whether the data determine them, shape (3,).
         winds: in addition to the course's, north and east, by path, m/s, shape (l, 2).
         covariance: of factors and winds, shape (3 + 2 l, 3 + 2 l).
     """

@@ -58,7 +58,7 @@ MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
 def in_order(recording: Recording) -> Recording:
     """Return the recording with times that run forwards, and without what is no measurement.
 
-    Left out are times that cannot be true, samples that say nothing, positions that repeat a time, and numbers that
+    Left out are times that cannot be true, empty samples, positions that repeat a time, and numbers that
     only repeat an earlier measurement; these are NaN then.
 
     Raises:
@@ -71,9 +71,9 @@ def in_order(recording: Recording) -> Recording:
     columns = recording.columns
     placed = _place(recording)
     recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]
-    tells: NDArray[np.bool_] = np.logical_or.reduce([placed, *recorded])
+    informative: NDArray[np.bool_] = np.logical_or.reduce([placed, *recorded])
     remarks = ()
-    if silent := int((~tells).sum()):
+    if silent := int((~informative).sum()):
         remarks += (f"{count_of(silent, 'sample')} without a position and left out",)
     time, apart, last = recording.time[placed], np.ones(int(placed.sum()), bool), 0.0
     for row in (np.flatnonzero(np.diff(time) < SAME_TIME) + 1).tolist():
@@ -83,18 +83,18 @@ def in_order(recording: Recording) -> Recording:
     if repeated := int((~apart).sum()):
         nearest = f"{1e3 * SAME_TIME:g} ms"
         remarks += (f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another",)
-    tells[np.flatnonzero(placed)] = apart
-    fresh = _with_fresh_columns(recording.select(tells, *remarks))
+    informative[np.flatnonzero(placed)] = apart
+    fresh = _with_fresh_columns(recording.select(informative, *remarks))
     heights = [np.isfinite(fresh.columns[name][_place(fresh)]) for name in HEIGHTS if name in columns]
     if _place(fresh).sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
     if np.logical_or.reduce(heights).sum() < 2:
-        refuse(recording.path, 0, "tells no heights; a flight over a course needs them")
+        refuse(recording.path, 0, "has no heights; a flight over a course needs them")
     return fresh
 
 
 def _place(recording: Recording) -> NDArray[np.bool_]:
-    """Return which samples tell where they are over ground."""
+    """Return which samples have a position over ground."""
     columns = recording.columns
     return np.asarray(
         np.logical_and.reduce([np.isfinite(columns[place]) for place in PLACES if place in columns]), np.bool_
@@ -148,7 +148,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
     Samples without a position stay.
 
     Raises:
-        InputError: it tells latitude and longitude and the course has no origin, or it is nowhere near the course.
+        InputError: it has latitude and longitude and the course has no origin, or it is nowhere near the course.
     """
     course, columns = race.course, dict(recording.columns)
     if "x" not in columns:
@@ -156,7 +156,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
             refuse(
                 recording.path,
                 0,
-                f"tells latitude and longitude, but the course {course.name} has no origin; give it one with "
+                f"has latitude and longitude, but the course {course.name} has no origin; give it one with "
                 "--set origin.latitude_deg=... and --set origin.longitude_deg=...",
             )
         latitude, longitude = columns["latitude"], columns["longitude"]

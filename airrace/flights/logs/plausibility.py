@@ -69,7 +69,7 @@ _ANGLES = ("phi", "theta", "psi")
 
 
 def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
-    """Return the recording with heights in feet, where their unit is not said and only so they fit the course."""
+    """Return the recording with heights in feet, where their unit is not stated and only so they fit the course."""
     name = next((height for height in HEIGHTS if height in framed.unsaid), None)
     finite = np.isfinite(framed.columns["height"])
     if name is None or not finite.any():
@@ -124,7 +124,7 @@ def roll_offsets(
 ) -> tuple[tuple[float, float], tuple[str, ...]]:
     """Return by how much the recorded roll is late, s, and off, rad, both without sign, and remarks.
 
-    In turns the roll is that of the path but for two things that no sample tells: its clock may be another than that
+    In turns the roll is that of the path but for two things that no sample shows: its clock may be another than that
     of the positions, and its sensor may be mounted obliquely. They are found where roll and path agree best.
     """
     time = path.time[(path.time >= run.begin) & (path.time <= run.end)]

@@ -30,7 +30,7 @@ IDLE_MAX = 1_000_000
 OBJECTS_MAX = 10_000
 """The greatest number of objects of an ACMI recording."""
 TEXT_MAX = 200
-"""The letters of what an ACMI recording tells of an object, at most."""
+"""The letters of each property of an object of an ACMI recording, at most."""
 DEPTH_MAX = 200
 """The depth of elements within elements of an XML document, at most."""
 EARTH_RADIUS = 6.371e6
@@ -53,7 +53,7 @@ class Recording:
         remarks: for the user of the recording, as sentences.
         others: further aircraft or tracks of the same file, one of which may pass the course.
         unsaid: columns whose units the log does not say.
-        mapped: columns whose scale or zero a mapping says.
+        mapped: columns with a scale or zero from a mapping.
         barometric: whether its heights are those of a barometer.
         accuracy: standard deviation of an error that all positions share, or that wanders for seconds, m.
         label: of the aircraft or track, where there are others.
@@ -154,7 +154,7 @@ class SampleTable:
         """Return the lines and the columns.
 
         Raises:
-            InputError: there are not two samples; it names the first fault, or says `missing` where there is none.
+            InputError: there are not two samples; it names the first fault, or is `missing` where there is none.
         """
         if len(self.lines) < 2:
             self.refuse_first_fault()

@@ -149,7 +149,7 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
 def _cautious(weights: Array, nodes: Array, time: Array) -> Array:
     """Return the weights for standard deviations: where samples are missing the aircraft may have turned hard.
 
-    Nothing tells of a jerk there, so that the most probable path is a calm one.
+    No data show a jerk there, so that the most probable path is a calm one.
     """
     steps = np.diff(time, prepend=nodes[0], append=nodes[-1])
     behind = np.searchsorted(time, 0.5 * (nodes[1:] + nodes[:-1]))

@@ -32,7 +32,7 @@ START_SPEEDS = {StartSpeed.GROUND: "V_K", StartSpeed.TRUE: "V_A", StartSpeed.IND
 
 @dataclass(frozen=True)
 class Penalties:
-    """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule says.
+    """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule states them.
 
     Attributes:
         pylon: a wing touches a pylon.
@@ -79,7 +79,7 @@ logs, so that less than one log in 10,000 accuses falsely.
 
 
 MISSED_ROWS = 30
-"""Times, about, at which it is asked how near a missed element may have been."""
+"""The approximate number of times at which the distance from a missed element is measured."""
 
 
 @dataclass(frozen=True)
@@ -176,10 +176,10 @@ def violations(
 
 
 def select_violations(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
-    """Return the violations that people are shown, certain ones first, and a sentence on the near misses beside them.
+    """Return the violations to be reported, certain ones first, and a sentence on the near misses beside them.
 
     An optimum touches its limits everywhere, and so does every good flight within what its measurement may be wrong by:
-    of ten near misses the one is shown that comes closest to certain. What the log does not tell, such as gates behind
+    of ten near misses the one closest to certain is reported. What the log does not hold, such as gates behind
     its end, is no near miss.
     """
     certain = [violation for violation in violations if violation.certain]

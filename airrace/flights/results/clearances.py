@@ -148,7 +148,7 @@ def least(flight: Flight, leg: Leg, measured: Sequence[Distance]) -> tuple[Clear
     Args:
         flight: whose leg it is.
         leg: a complete leg.
-        measured: what `distances` says of the flight.
+        measured: `distances` of the flight.
     """
     clearances = [
         _least(flight, distance, leg.rows)
@@ -356,7 +356,7 @@ def distance_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Ca
     """Return the distances that tables of a flight hold besides its states; see `derivation.table_columns`."""
     if not {"x", "y", "z"} <= set(names):
         return {}
-    last: tuple[Values, Histories] = {}, {}  # of the samples that were asked for last: all columns of them come at once
+    last: tuple[Values, Histories] = {}, {}  # of the samples requested last: all columns of them come at once
 
     def histories_of(samples: Values) -> Histories:
         solved = {name: History(Quantity(name, ""), values, Basis.SOLVED) for name, values in samples.items()}

@@ -61,7 +61,7 @@ class LegMeasure:
         of: from a flight and its leg to the value; NaN where it is unknown.
         unit: of the value.
         least: the smallest difference that is reported, in that unit.
-        more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference. Empty
+        more, less: the words for a flight whose value is larger or smaller; `{}` stands for the difference. Empty
             where that is unknown.
         digits: decimals of the difference in words.
         most: a larger difference is not reported: something else has been measured in the one flight than in the other.
@@ -97,7 +97,7 @@ def differences(
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
     """Return when the aircraft first rolls fast, s after the passing that begins the leg; NaN where it never does."""
-    # The aircraft is said to roll from 1 rad/s.
+    # A roll begins at 1 rad/s.
     rolling = np.flatnonzero(np.abs(flight.values("p_Kbar")[leg.rows]) >= 1.0)
     return float(flight.time[leg.rows][rolling[0]]) - leg.before.time if len(rolling) else math.nan
 

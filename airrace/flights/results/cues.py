@@ -57,7 +57,7 @@ HEIGHT_CHANGE = 30.0
 SIDE_ANGLE = math.radians(20.0)
 """The angle about the vertical from which on a pull has a side, rad."""
 VERTICAL = math.radians(65.0)
-"""The climb angle beyond which a bank says nothing, rad."""
+"""The climb angle beyond which a bank has no meaning, rad."""
 TOGETHER = 0.25
 """The time within which a roll and a pull begin at once, s; the roll comes first."""
 CUE_PAUSE = 0.75
@@ -73,7 +73,7 @@ class RollAction:
         duration: s.
         bank_from, bank_to: the bank at both ends, right wing down, rad.
         angle: rolled, positive to the right, rad; more than a half turn where the aircraft rolls so far.
-        climb: climb angle in its middle, rad; in vertical flight the bank says nothing.
+        climb: climb angle in its middle, rad; in vertical flight the bank has no meaning.
     """
 
     time: float

@@ -146,7 +146,7 @@ class Confirmation:
 
     @property
     def remark(self) -> str:
-        """The words, beside an error that tells what was refuted."""
+        """The words, beside an error that states what was refuted."""
         return self.outcome if self.refutation else self.words
 
     @property

@@ -1,6 +1,6 @@
 """Outlines of ground that is covered: points within a width, on a raster, by marching squares.
 
-The points are entered into a raster; the distance transform tells how far every cell is from the nearest of them, and
+The points are entered into a raster; the distance transform gives how far every cell is from the nearest of them, and
 the outline is where that is the width. It is true to about a cell.
 """
 

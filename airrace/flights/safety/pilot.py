@@ -43,7 +43,7 @@ class PilotModel:
         urgent: distance from the line, m, beyond which it is not corrected any harder.
         end: time that errors count for at the end of the line, s.
         stall_margin: angle of attack short of the stall, rad, within which ever less is pulled to correct the path: the
-            buffet tells. A judgement.
+            buffet warns. A judgement.
     """
 
     sample: float = 0.02

@@ -14,7 +14,7 @@ of the inputs and tightens all limits that come from it. `price` is what it cost
 apart into one search along each margin.
 
 A pilot at the stall cannot pull harder when he is off the line, so that a flight that stays there for long scatters
-more than its covariance says. A margin of the lift coefficient leaves him that.
+more than its covariance predicts. A margin of the lift coefficient leaves him that.
 """
 
 import math

@@ -158,7 +158,7 @@ Relations = Mapping[tuple[str, str], str]
 
 @dataclass(frozen=True)
 class ManualFigures:
-    """The figures of a flight manual, in SI and rad, at sea level; None where it says nothing.
+    """The figures of a flight manual, in SI and rad, at sea level; None where it has none.
 
     Attributes:
         mass, span, area, power: of the aircraft that flies.
@@ -187,7 +187,7 @@ class ManualFigures:
 
 
 class Estimation:
-    """The template on its way to the aircraft: every step changes numbers and says by which relation."""
+    """The template on its way to the aircraft: every step changes numbers and records by which relation."""
 
     def __init__(self, template: Aircraft, figures: ManualFigures) -> None:
         """Take the template and the figures."""
@@ -201,7 +201,7 @@ class Estimation:
         self.relations.update({(group, name): relation for name in values})
 
     def scale(self, group: str, factor: float, relation: str, *names: str) -> None:
-        """Multiply numbers of a group by a factor; nothing is said of numbers that stay."""
+        """Multiply numbers of a group by a factor; numbers that stay are not recorded."""
         values = {name: getattr(getattr(self.aircraft, group), name) for name in names}
         if not math.isclose(factor, 1.0, rel_tol=1e-9):
             self.change(group, relation, **{name: factor * value for name, value in values.items() if value})

@@ -23,7 +23,7 @@ from airrace.optimal_control.native.library import Batches, KernelTables, Librar
 from airrace.optimal_control.trajectory import Array
 
 PLACES = 2**16
-"""The number of places that an instruction can tell apart."""
+"""The number of places that an instruction can address."""
 FUNCTIONS = 5
 """The number of functions in the tables of a step: f, and Jacobian and Hessian of f and of the projection."""
 _ARGUMENTS, _RESULTS = 4, 2  # of a function, at most
@@ -245,7 +245,7 @@ def interpreter() -> Interpreter | None:
 
 @lru_cache(maxsize=32)
 def function_tables(function: ca.Function) -> Tables:
-    """Return the tables of a function that stands for itself."""
+    """Return the tables of a single function."""
     return Tables.of([], [], [bytecode(function)])
 
 

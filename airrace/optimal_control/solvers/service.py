@@ -183,7 +183,7 @@ class SolverService:
             process, status = self._process, None
             if process is not None:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(0.5)  # s to end by itself, so that its exit code tells why
+                    process.wait(0.5)  # s to end by itself, so that its exit code gives the reason
                 process.kill()  # without its pipes it is of no use
                 status = process.wait()
             if self._ended:

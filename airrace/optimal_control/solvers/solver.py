@@ -116,7 +116,7 @@ class Solution:
 
 
 SOLVERS: Mapping[str, type[Solver]] = {INTERIOR_POINT: InteriorPoint, IPOPT: Ipopt}
-"""The solvers by the names that settings know; where the former's steps cannot be computed the latter is asked."""
+"""The solvers by the names that settings know; where the former's steps cannot be computed the latter is used."""
 
 
 STEP_FROM_SADDLE = 0.1
