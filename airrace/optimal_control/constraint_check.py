@@ -101,8 +101,8 @@ def _excesses(problem: Problem, replay: Replay, tolerance_of: Mapping[str, Toler
                 continue  # it is asked for at a node, where the conditions of optimality are measured
             states = replay.state[:, within]
             measure = (watch.exact or watch.observation).values
-            seen = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))
-            for quantity, values in zip(watch.observation.quantities, seen, strict=True):
+            outputs = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))
+            for quantity, values in zip(watch.observation.quantities, outputs, strict=True):
                 bounds = watch.bounds.get(quantity.name, Interval())
                 if bounds.constrained:
                     _require_tolerance(quantity, bounds, tolerance_of)

@@ -244,18 +244,18 @@ def _elastic(place: Place, moves: Moves, owner: Owner, system: System) -> Place:
     for name, at in place.bounds.items():
         shift = shifts.get(name, NO_SHIFT)
         if any(shift) and at.lower == at.upper and shift.lower == shift.upper:
-            stays, giving = Interval(), [(AT_MOST, shift.upper, at)]
+            fixed_range, elastic_ranges = Interval(), [(AT_MOST, shift.upper, at)]
         else:
-            stays = Interval(-math.inf if shift.lower else at.lower, math.inf if shift.upper else at.upper)
+            fixed_range = Interval(-math.inf if shift.lower else at.lower, math.inf if shift.upper else at.upper)
             upper, lower = Interval(upper=at.upper), Interval(lower=at.lower)
-            giving = [(AT_MOST, shift.upper, upper), (AT_LEAST, shift.lower, lower)]
-        for end, amount, limit in giving:
+            elastic_ranges = [(AT_MOST, shift.upper, upper), (AT_LEAST, shift.lower, lower)]
+        for end, amount, limit in elastic_ranges:
             if amount:
                 sides.append((name, end))
                 amounts.append(amount)
                 bounds[f"{name}{end}"] = limit
-        if stays.constrained:
-            bounds[name] = stays
+        if fixed_range.constrained:
+            bounds[name] = fixed_range
     if place.observation is None and not sides:
         return place
     values = (*place.values, *(() if change is None else change.tolist()), *amounts)
@@ -279,15 +279,15 @@ def _observe_relaxed(
     moving = parameters if changing else ()
     x, relaxed, b = ca.SX.sym("x", len(states)), ca.SX.sym("relaxed"), ca.SX.sym("b", len(parameters))
     change, amount = ca.SX.sym("db", len(moving)), ca.SX.sym("amount", len(sides))
-    seen = observation.values(x, b + relaxed * change if changing else b).elements() if observation else []
+    outputs = observation.values(x, b + relaxed * change if changing else b).elements() if observation else []
     declared = {quantity.name: quantity for quantity in (*states, *quantities)}
     symbols: dict[str, Any] = {
         quantity.name: x[row] for row, quantity in enumerate(states)
     }  # Any: casadi's elements of SX
-    symbols |= dict(zip((quantity.name for quantity in quantities), seen, strict=True))
-    giving = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(sides)]
+    symbols |= dict(zip((quantity.name for quantity in quantities), outputs, strict=True))
+    relaxed_outputs = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(sides)]
     rows = [replace(declared[name], name=f"{name}{end}") for name, end in sides]
-    arguments, values = [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*seen, *giving)]
+    arguments, values = [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*outputs, *relaxed_outputs)]
     return Observation(
         name=f"{observation.name if observation else 'states'}, giving way",
         quantities=(*quantities, *rows),

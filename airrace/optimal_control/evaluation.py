@@ -230,10 +230,10 @@ class _FinalCostEvaluation:
 
     def value(self, unscaled: Array) -> float:
         """Return the cost."""
-        call, (seen,) = self._value
+        call, (outputs,) = self._value
         self._y[:] = unscaled[self.cost.inputs]
         call()
-        return _sum(self.cost.weights * seen)
+        return _sum(self.cost.weights * outputs)
 
     def derivatives(self, unscaled: Array, factor: float) -> list[Array]:
         """Return the gradient of the cost times a factor in y, and the nonzeros of its Hessian's upper triangle."""

@@ -150,8 +150,8 @@ def output_samples_of(
     values: list[tuple[float, ...]] = []
     offset = 0
     for node, boundary in zip(problem.first_node, problem.boundaries, strict=True):
-        if (seen := boundary.observation) is not None:
-            samples.append(OutputSample(node, boundary.name, seen, boundary.bounds, offset, jump_at.get(node)))
+        if (observation := boundary.observation) is not None:
+            samples.append(OutputSample(node, boundary.name, observation, boundary.bounds, offset, jump_at.get(node)))
             values.append(boundary.values)
             offset += len(boundary.values)
     for index, phase in enumerate(problem.phases):
@@ -159,9 +159,9 @@ def output_samples_of(
         before = problem.phases[index - 1].watches if index and start not in jump_at else ()
         for watch in phase.watches:
             # Where a watch goes on from the phase before, the node between the two has its rows already.
-            goes_on = any(watch.same_conditions(earlier) for earlier in before)
+            continues = any(watch.same_conditions(earlier) for earlier in before)
             name = f"{phase.name}, {watch.name}"
-            nodes = range(start + goes_on, end + 1)
+            nodes = range(start + continues, end + 1)
             if watch.at is not None:
                 nodes = (start + phase.nearest_node(watch.at),)
             for node in nodes:
@@ -263,8 +263,8 @@ class Layout:
         for phase, (begin, end) in enumerate(itertools.pairwise(self.first_node.tolist())):
             meeting = phase > 0 and begin not in self.jump_at
             if meeting:
-                both = {name: bounds.intersect(ranges[phase][name]) for name, bounds in ranges[phase - 1].items()}
-                blocks.append(RowBlock(np.array([begin]), np.array([-1]), limits_on(path, both)))
+                common = {name: bounds.intersect(ranges[phase][name]) for name, bounds in ranges[phase - 1].items()}
+                blocks.append(RowBlock(np.array([begin]), np.array([-1]), limits_on(path, common)))
             nodes = np.array(range(begin + meeting, end), dtype=np.int64)
             blocks.append(RowBlock(nodes, np.full(len(nodes), -1), limits_on(path, ranges[phase])))
         with_control = () if values is None else values.jac_sparsity(0, 1).get_triplet()[0]

@@ -230,15 +230,15 @@ def limits_of(layout: Layout) -> Limits:
     number = (source[rows.source] * len(names) + name[rows.number]) * 2 + at_end[rows.node]
     order = np.argsort(number, kind="stable")  # rows are in the order of their nodes
     weight = stretch[rows.node] * rows.scale
-    alone: set[str] = set()
+    single_node_names: set[str] = set()
     for phase in layout.problem.phases:
-        alone.update(f"{phase.name}, {watch.name}" for watch in phase.watches if watch.at is not None)
+        single_node_names.update(f"{phase.name}, {watch.name}" for watch in phase.watches if watch.at is not None)
     for members in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else ():
         which, end = divmod(int(number[members[0]]), 2)
         sampled = sources[which // len(names)]
         key = f"{sampled}: {names[which % len(names)]}"
         limit = LimitPlaces(layout.row_index[members], along[rows.node[members]], weight[members])
-        if sampled in alone:
+        if sampled in single_node_names:
             limits["one node", key] = replace(limit, weights=rows.scale[members])
         else:
             limits["end" if end else "node", key] = limit

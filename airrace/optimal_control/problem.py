@@ -224,12 +224,12 @@ class Problem:
     def observations(self) -> list[Observation]:
         """All observations, each once."""
         watches = [watch for phase in self.phases for watch in phase.watches]
-        seen = [
+        observations = [
             observer.observation
             for observer in (*self.boundaries, *watches, self.objective)
             if observer.observation is not None
         ]
-        return list({id(observation): observation for observation in seen}.values())
+        return list({id(observation): observation for observation in observations}.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,14 +305,14 @@ def require_valid(problem: Problem) -> None:
 
 
 def _check_objective(system: System, objective: Objective) -> None:
-    seen = objective.observation.quantities if objective.observation is not None else ()
-    _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *seen))
-    if both := {quantity.name for quantity in system.states} & {quantity.name for quantity in seen}:
-        raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(both))}")
+    observed = objective.observation.quantities if objective.observation is not None else ()
+    _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *observed))
+    if ambiguous := {quantity.name for quantity in system.states} & {quantity.name for quantity in observed}:
+        raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(ambiguous))}")
     parameters = objective.observation.parameters if objective.observation is not None else ()
     _require_count("the objective", parameters, objective.values)
-    both = (*system.states, *system.controls)
-    _require_known("the objective regularises unknown states or controls", objective.regularisation, both)
+    regularisable = (*system.states, *system.controls)
+    _require_known("the objective regularises unknown states or controls", objective.regularisation, regularisable)
     for name, weight in {"time": objective.time, **objective.terminal, **objective.regularisation}.items():
         if not math.isfinite(weight):
             raise ValueError(f"the objective weighs {name} by {weight}")
@@ -345,10 +345,10 @@ def _check_phase(system: System, phase: Phase) -> None:
 
 
 def _check_conditions(kind: str, place: Boundary | PathConstraint, states: tuple[Quantity, ...]) -> None:
-    seen, parameters = (), ()
+    observed, parameters = (), ()
     if place.observation is not None:
-        seen, parameters = place.observation.quantities, place.observation.parameters
-    _require_known(f"{kind} {place.name!r} bounds unknown quantities", place.bounds, (*states, *seen))
+        observed, parameters = place.observation.quantities, place.observation.parameters
+    _require_known(f"{kind} {place.name!r} bounds unknown quantities", place.bounds, (*states, *observed))
     _require_count(f"{kind} {place.name!r}", parameters, place.values)
 
 

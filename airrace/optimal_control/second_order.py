@@ -132,9 +132,9 @@ def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Arra
     if direction is not None:
         curvature = Curvature.SINGULAR
         least = min(form.curvature(direction), threshold)  # however the direction is rounded
-        less = direction_below(form, -saddle)
-        if less is not None:
-            direction, least = less, min(form.curvature(less), -saddle)
+        below = direction_below(form, -saddle)
+        if below is not None:
+            direction, least = below, min(form.curvature(below), -saddle)
             negative = descent_direction(replace(form, active=equal | active | weak), saddle)
             if negative is not None:
                 curvature, direction, least = Curvature.INDEFINITE, negative, form.curvature(negative)

@@ -137,8 +137,8 @@ class COOBuilder:
         sources = sources + self._ends[-2]
         self._entries.append((rows, columns, weights, sources))
         if self._symmetric:
-            off = rows != columns
-            self._entries.append((columns[off], rows[off], weights[off], sources[off]))
+            mirrored = rows != columns  # all but the diagonal
+            self._entries.append((columns[mirrored], rows[mirrored], weights[mirrored], sources[mirrored]))
 
     def build(self) -> SparseAssembly:
         """Return the matrix that they make."""
@@ -228,11 +228,11 @@ class StageAssembly:
             counts = self._begins[entries + 1] - begins
             result = np.empty((len(stages), len(entries)))
             for turn in range(int(counts.max(initial=0))):
-                some = np.flatnonzero(counts > turn)
-                number = begins[some] + turn
+                remaining = np.flatnonzero(counts > turn)
+                number = begins[remaining] + turn
                 at = self._block_begins[np.ix_(stages, self._blocks[number])] + self._sources[number]
                 summands = values[at] * self._weights[number]
-                result[:, some] = result[:, some] + summands if turn else summands
+                result[:, remaining] = result[:, remaining] + summands if turn else summands
             memory.doubles[places] = result
             finite = finite and bool(np.isfinite(result).all())
         return finite

@@ -205,11 +205,11 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
         work += late + before - last
         if work > STEPS_BACK_WORK:
             refuse(path, int(lines[row]), "time runs backwards again and again; a log must be in the order of its time")
-        off = float(time[before] - time[row])
+        step_back = float(time[before] - time[row])
         if not returns and late > STRAYS_MAX:
             late = STEP_BACK_SAMPLES
         fewer = min(early, late)
-        if (fewer > STRAYS_MAX and fewer * usual > 0.5 * off) or fewer >= STEP_BACK_SAMPLES:
+        if (fewer > STRAYS_MAX and fewer * usual > 0.5 * step_back) or fewer >= STEP_BACK_SAMPLES:
             cuts.append(row)
         elif late <= early:
             keep[row : row + late] = False

@@ -144,8 +144,8 @@ def deviations_of(
         if roll is not None:
             pitch = abs(gamma) + abs(float(flight.values("alpha_A")[row]))
             slipping = 0.0 if full else sideslip * math.sin(min(pitch, 0.5 * math.pi))
-            own, seen = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
-            bank = math.hypot(own, seen, slipping, tilt, WINGS)
+            measured, climbing = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
+            bank = math.hypot(measured, climbing, slipping, tilt, WINGS)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)

@@ -183,14 +183,14 @@ def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
     rows = np.unique([*rows.tolist(), len(placed.time) - 1])
     inside = placed.time[rows]
     time = np.concatenate([[inside[0] - edge], inside, [inside[-1] + edge]])
-    near = np.minimum(len(rows) - 1, 3)
+    step_rows = np.minimum(len(rows) - 1, 3)
     places: list[Array] = []
     for name in ("x", "y"):
         values = placed.columns[name][rows]
         ahead, behind = values[0], values[-1]
-        if near > 0:
-            ahead = ahead - (values[near] - values[0]) / (inside[near] - inside[0]) * edge
-            behind = behind + (values[-1] - values[-1 - near]) / (inside[-1] - inside[-1 - near]) * edge
+        if step_rows > 0:
+            ahead = ahead - (values[step_rows] - values[0]) / (inside[step_rows] - inside[0]) * edge
+            behind = behind + (values[-1] - values[-1 - step_rows]) / (inside[-1] - inside[-1 - step_rows]) * edge
         places.append(np.concatenate([[ahead], values, [behind]]))
     return time, places[0], places[1]
 
@@ -233,13 +233,14 @@ def _passing_times(passages: Sequence[Passage], run: CourseRun, flight: Flight) 
         if not len(rows):
             continue
         columns = {name: flight[name][rows] for name in ("x", "y", "z")} | {"climb_sine": np.sin(flight["gamma"][rows])}
-        off = np.zeros(len(rows))
+        violation = np.zeros(len(rows))
         for name, allowed in passage.element.conditions(passage.element.axis or 0.0).items():
             if name in columns:
                 scale = 100.0 if name == "climb_sine" else 1.0  # an angle weighs as much as so many metres
                 values = scale * columns[name]
-                off += np.maximum(values - scale * allowed.upper, 0.0) + np.maximum(scale * allowed.lower - values, 0.0)
-        best = rows[off <= off.min() + 1e-9]
+                violation += np.maximum(values - scale * allowed.upper, 0.0)
+                violation += np.maximum(scale * allowed.lower - values, 0.0)
+        best = rows[violation <= violation.min() + 1e-9]
         times[index] = float(flight.time[best[np.argmax(flight["height"][best])]])
     return times
 

@@ -80,20 +80,20 @@ def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
     feet = (metres + ground) * _FOOT - ground
     axes = [0.0 if passing is None else passing.axis for passing in run.passings]
     windows = [height_window(passage.element, axis) for passage, axis in zip(race.course.passages, axes, strict=True)]
-    off = _beyond(metres, windows)
-    if len(off) < WINDOWS_MIN or np.median(np.abs(off)) < TOO_HIGH:
+    excess = _beyond(metres, windows)
+    if len(excess) < WINDOWS_MIN or np.median(np.abs(excess)) < TOO_HIGH:
         return framed
     scatter = float(np.ptp(metres[np.isfinite(_all_beyond(metres, windows))]))
     widest = max(window.upper - window.lower for window in windows if math.isfinite(window.upper - window.lower))
     if (
-        np.median(np.abs(_beyond(feet, windows))) > FEET_LEFT * np.median(np.abs(off))
+        np.median(np.abs(_beyond(feet, windows))) > FEET_LEFT * np.median(np.abs(excess))
         or scatter < FEET_SCATTER * widest
     ):
         return framed
     columns = {**framed.columns, "height": (framed.columns["height"] + ground) * _FOOT - ground}
     if name == "altitude":
         columns["altitude"] = framed.columns["altitude"] * _FOOT
-    remark = f"heights are taken as feet: as metres they are {np.median(off):.0f} m off the windows of the course"
+    remark = f"heights are taken as feet: as metres they are {np.median(excess):.0f} m off the windows of the course"
     return replace(framed, columns=columns, remarks=(*framed.remarks, remark))
 
 
@@ -103,15 +103,15 @@ def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple
     Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
     """
     heights = np.array([crossing.value("height") for crossing in flight.crossings])
-    off = _beyond(
+    excess = _beyond(
         heights,
         [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings],
     )
-    if len(off) < WINDOWS_MIN or abs(np.median(off)) < ZERO_SHIFT:
+    if len(excess) < WINDOWS_MIN or abs(np.median(excess)) < ZERO_SHIFT:
         return 0.0, ()
-    if np.mean(np.sign(off) == np.sign(np.median(off))) < BIASED_SHARE:
+    if np.mean(np.sign(excess) == np.sign(np.median(excess))) < BIASED_SHARE:
         return 0.0, ()
-    bias = float(np.median(off))
+    bias = float(np.median(excess))
     side = "high" if bias > 0.0 else "low"
     remark = (
         f"almost all passings are about {abs(bias):.2g} m too {side}: are heights in another unit, or of another zero?"
@@ -146,8 +146,8 @@ def roll_offsets(
             f"the recorded roll comes {abs(late):.2f} s {side} against the positions: banks are less certain"
         )
     if abs(math.degrees(tilt)) > REPORTED[1]:
-        off = f"{math.degrees(tilt):.1f} deg"
-        remarks.append(f"the recorded roll is off the path's by {off}, so that banks are less certain")
+        degrees = f"{math.degrees(tilt):.1f} deg"
+        remarks.append(f"the recorded roll is off the path's by {degrees}, so that banks are less certain")
     return (math.hypot(late, LAG_STEP / math.sqrt(12.0)), abs(tilt)), tuple(remarks)
 
 
@@ -161,8 +161,8 @@ def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
 
 
 def _beyond(heights: Array, windows: Sequence[Interval]) -> Array:
-    off = _all_beyond(heights, windows)
-    return off[np.isfinite(off)]
+    excess = _all_beyond(heights, windows)
+    return excess[np.isfinite(excess)]
 
 
 def plausible(part: Recording, path: Path, race: Race) -> Recording:
@@ -183,8 +183,8 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
     def difference(
         name: str, true: Array, where: NDArray[np.bool_], measure: Callable[[Array], Array] = np.asarray
     ) -> float:
-        off = measure(columns[name][rows] - true)[where & np.isfinite(columns[name][rows])]
-        return float(np.median(np.abs(off))) if len(off) else 0.0
+        differences = measure(columns[name][rows] - true)[where & np.isfinite(columns[name][rows])]
+        return float(np.median(np.abs(differences))) if len(differences) else 0.0
 
     def drop(names: tuple[str, ...], why: str) -> None:
         dropped = [name for name in names if columns.pop(name, None) is not None]

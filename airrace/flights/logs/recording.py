@@ -227,10 +227,10 @@ def resolution(values: Array) -> float:
         return 0.0
     step, far = float(gaps.min()), distinct - distinct[0]
     for reach in (30.0, 1000.0, 3e4, 1e6):  # the step is known the better, the farther the values that it explains
-        near = far[far < reach * step]
-        counts = np.rint(near / step)
-        if len(near) > 1 and counts[-1] > 0:
-            step = float(near[-1] / counts[-1])
+        leaps = far[far < reach * step]
+        counts = np.rint(leaps / step)
+        if len(leaps) > 1 and counts[-1] > 0:
+            step = float(leaps[-1] / counts[-1])
     counts = far / step
     return step if np.mean(np.abs(counts - np.rint(counts)) < 0.05) > 0.99 else 0.0
 

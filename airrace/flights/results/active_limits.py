@@ -56,10 +56,10 @@ def active_limits(flight: Flight) -> tuple[ActiveLimit, ...]:
     if not all(crossing.found for crossing in flight.crossings):
         return ()
     limits = sorted(_limits_of_histories(flight), key=lambda limit: -limit.duration)
-    near = least_of_all(flight, distances(flight))
+    clearances = least_of_all(flight, distances(flight))
     height = flight.course.rules.height
     values = {"floor": height.lower, "ceiling": height.upper}
-    for clearance in sorted(near, key=lambda clearance: clearance.margin):
+    for clearance in sorted(clearances, key=lambda clearance: clearance.margin):
         if clearance.margin <= TOUCHED:
             value = values.get(clearance.kind, clearance.required)
             leg = passings_around(flight, clearance.time)[1].name

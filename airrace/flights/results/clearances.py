@@ -121,11 +121,11 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
     course, height = flight.course, flight["height"]
     places = np.stack([flight["x"], flight["y"]], axis=1)
     for crowd in course.crowd:
-        away = ground_distance(places, crowd)
+        distance = ground_distance(places, crowd)
         if crowd.slant:
             above = height - crowd.height
-            away = np.hypot(away, np.where(np.isnan(above), 0.0, above))
-        yield Distance("crowd", crowd.name, crowd.distance, away)
+            distance = np.hypot(distance, np.where(np.isnan(above), 0.0, above))
+        yield Distance("crowd", crowd.name, crowd.distance, distance)
     for line in course.safety_lines:
         on_leg = (
             any(safety_line.name == line.name for safety_line in passage.safety_lines) for passage in course.passages
@@ -183,8 +183,9 @@ def least_distances(flight: Flight) -> tuple[Clearance, ...]:
 
 def nearest_pylon(clearances: Sequence[Clearance]) -> tuple[Clearance, ...]:
     """Return least distances, of those from pylons that with the least margin alone, which comes first."""
-    near = sorted((clearance for clearance in clearances if clearance.kind == "pylon"), key=lambda pylon: pylon.margin)
-    return (*near[:1], *(clearance for clearance in clearances if clearance.kind != "pylon"))
+    of_pylons = [clearance for clearance in clearances if clearance.kind == "pylon"]
+    without_pylons = [clearance for clearance in clearances if clearance.kind != "pylon"]
+    return (*sorted(of_pylons, key=lambda pylon: pylon.margin)[:1], *without_pylons)
 
 
 def at_row(flight: Flight, distance: Distance, row: int) -> Clearance:
@@ -217,8 +218,8 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
         own = [pylon for pylon in standing if pylon.name == name]
         # Usually one: a pylon in the place of another element's may have to be cleared by more than its neighbour.
         for required in sorted({pylon.required for pylon in own}):
-            away = [measure(wing, pylon) for pylon in own if pylon.required == required]
-            yield Distance("pylon", name, required, np.minimum.reduce(away))
+            pylon_distances = [measure(wing, pylon) for pylon in own if pylon.required == required]
+            yield Distance("pylon", name, required, np.minimum.reduce(pylon_distances))
     for obstacle in flight.course.obstacles:
         axes = [measure(wing, pylon) for pylon in standing if pylon.name == obstacle.name]
         yield Distance("obstacle", obstacle.name, obstacle.clearance, np.minimum.reduce(axes) - obstacle.radius)
@@ -385,11 +386,11 @@ def with_nearest(flight: Flight, within: float) -> Flight:
     """
     nearest: dict[str, History] = {}
     for kind in ("pylon", "obstacle", "crowd", "safety_line"):
-        near = [history for name, history in flight.histories.items() if name.startswith(f"distance_{kind}_")]
-        if near:
-            values = np.minimum.reduce([history.values for history in near])
+        histories = [history for name, history in flight.histories.items() if name.startswith(f"distance_{kind}_")]
+        if histories:
+            values = np.minimum.reduce([history.values for history in histories])
             if kind in ("pylon", "obstacle"):
                 values = np.where(values <= within, values, np.nan)
-            lower = max(history.quantity.lower for history in near)
+            lower = max(history.quantity.lower for history in histories)
             nearest[f"nearest_{kind}"] = History(Quantity(f"nearest_{kind}", "m", lower=lower), values, Basis.DERIVED)
     return replace(flight, histories={**flight.histories, **nearest})

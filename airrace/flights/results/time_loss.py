@@ -252,9 +252,9 @@ def _width(flight: Flight, leg: Leg) -> float:
         return math.nan
     places = np.stack([flight["x"][leg.rows], flight["y"][leg.rows]])
     chord = places[:, -1] - places[:, 0]
-    off = places - places[:, :1]
-    share = np.clip(chord @ off / max(float(chord @ chord), 1e-9), 0.0, 1.0)
-    return float(np.hypot(*(off - share * chord[:, None])).max())
+    offset = places - places[:, :1]
+    share = np.clip(chord @ offset / max(float(chord @ chord), 1e-9), 0.0, 1.0)
+    return float(np.hypot(*(offset - share * chord[:, None])).max())
 
 
 def _mean(name: str, flight: Flight, leg: Leg) -> float:

@@ -121,9 +121,9 @@ class _Batch:
         self.loop, self.count = loop, len(numbers)
         generators = [np.random.default_rng([seed, number]) for number in numbers]
         middles = loop.leg_middles
-        drawn = np.stack([generator.standard_normal(DISTURBANCES + len(middles)) for generator in generators], axis=1)
-        self.constant = np.array(scatter.constant)[:, None] * drawn[:DISTURBANCES]
-        lateness = scatter.timing * drawn[DISTURBANCES:]
+        samples = np.stack([generator.standard_normal(DISTURBANCES + len(middles)) for generator in generators], axis=1)
+        self.constant = np.array(scatter.constant)[:, None] * samples[:DISTURBANCES]
+        lateness = scatter.timing * samples[DISTURBANCES:]
         grid = instants(loop.pilot.sample, loop.linear.count + 2)
         self.late = np.stack(
             [np.asarray(np.interp(grid, middles, leg_lateness), np.float64) for leg_lateness in lateness.T], axis=1
@@ -151,7 +151,7 @@ class _Batch:
         clock, lost = np.zeros(n), np.full(n, samples)
         ahead = instants(pilot.sample, waiting)
         stick = np.repeat(np.moveaxis(nominal.stick(ahead, pilot.sample), 1, 0)[:, :, None], n, axis=2)
-        besides = np.zeros((waiting, CONTROLS, n))
+        corrections = np.zeros((waiting, CONTROLS, n))
         states, path_errors = np.empty((samples, KEPT, n)), np.empty((samples, PATH, n))
         clocks, loads = np.empty((samples, n)), np.empty((samples, n))
         for k in range(samples):
@@ -170,15 +170,15 @@ class _Batch:
             if finished.all():
                 samples = k + 1
                 break
-            decided, own_part = self._decide(clock, line, x, e, besides, path)
-            stick, besides = np.concatenate([stick, decided[None]]), np.concatenate([besides, own_part[None]])
+            decided, correction = self._decide(clock, line, x, e, corrections, path)
+            stick, corrections = np.concatenate([stick, decided[None]]), np.concatenate([corrections, correction[None]])
             self._move(stick[0], clock, x)
             x = advance(self.rates, x, pilot.sample)
             broken = ~np.isfinite(x).all(axis=0)
             if broken.any():
                 lost[broken], x = np.minimum(lost[broken], k + 1), np.where(broken, line, x)
             clock = clock + pilot.sample * x[3] / line[3]
-            stick, besides = stick[1:], besides[1:]
+            stick, corrections = stick[1:], corrections[1:]
         cut = slice(samples)
         return Flights(pilot.sample, states[cut], clocks[cut], path_errors[cut], loads[cut], np.minimum(lost, samples))
 
@@ -193,14 +193,14 @@ class _Batch:
             self.inputs[CONTROLS + 2] += w
 
     def _decide(
-        self, clock: Array, line: Array, x: Array, e: Array, besides: Array, path: Array
+        self, clock: Array, line: Array, x: Array, e: Array, corrections: Array, path: Array
     ) -> tuple[Array, Array]:
         """Return the stick decided now, within its limits, and its difference from that of the optimum."""
         pilot, gains, nominal = self.loop.pilot, self.loop.gains, self.loop.nominal
         row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.feedback) - 1)
-        seen = e.copy()
-        seen[:3] = np.minimum(np.maximum(e[:3], -pilot.urgent), pilot.urgent)
-        observed = np.concatenate([seen, besides.reshape(-1, self.count)])
+        limited_error = e.copy()
+        limited_error[:3] = np.minimum(np.maximum(e[:3], -pilot.urgent), pilot.urgent)
+        observed = np.concatenate([limited_error, corrections.reshape(-1, self.count)])
         *decision, alpha = np.einsum("nij,nj->in", gains.feedback[row], np.ascontiguousarray(observed.T))
         decision = np.array(decision)
         place_ahead = clock + pilot.delay * x[3] / line[3]
@@ -210,7 +210,7 @@ class _Batch:
         turned = path[self.alpha_row] - x[STATE["alpha_K"]]  # by gusts and wind
         alpha = alpha + expected + turned
         commanded = np.sum(
-            gains.feedback[row, 0, :PATH] * seen[:PATH].T, axis=1
+            gains.feedback[row, 0, :PATH] * limited_error[:PATH].T, axis=1
         )  # of the elevator; nose up where negative
         above, below = np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
         room = np.asarray(np.where(commanded < 0.0, above, below), np.float64)

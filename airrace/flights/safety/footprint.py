@@ -206,25 +206,25 @@ class Footprint:
 
     def distances(self, crowd: Crowd) -> Array:
         """Return the least distance of every impact from people, half the span taken off, m, shape (n,)."""
-        away = np.full(len(self.time), np.inf)
+        distances = np.full(len(self.time), np.inf)
         for share in np.linspace(0.0, 1.0, STRETCH_POINTS).tolist():
             points = self.vacuum.place + share * (self.drag.place - self.vacuum.place)
-            away = np.minimum(away, ground_distance(points, crowd))
-        return np.maximum(away - self.half_span, 0.0)
+            distances = np.minimum(distances, ground_distance(points, crowd))
+        return np.maximum(distances - self.half_span, 0.0)
 
     def _exposure(self, crowd: Crowd) -> CrowdExposure:
-        away = self.distances(crowd)
-        row = int(np.argmin(away))
+        distances = self.distances(crowd)
+        row = int(np.argmin(distances))
         overlap = 0.0
-        if crowd.shape is CrowdShape.AREA and away[row] == 0.0:
+        if crowd.shape is CrowdShape.AREA and distances[row] == 0.0:
             covered = self.raster.centres[self.raster.inside > 0.0]
             overlap = float((ground_distance(covered, crowd) == 0.0).sum()) * self.raster.cell**2
         straight, turned = self._glides_to(crowd)
         steps = np.concatenate([_spans(track.time) for track in self.tracks])
         glide_steps = np.concatenate([_spans(track.time[::GLIDE_EVERY]) for track in self.tracks])
-        seconds = steps[away == 0.0], glide_steps[straight], glide_steps[turned]
+        seconds = steps[distances == 0.0], glide_steps[straight], glide_steps[turned]
         label, (hit, led, reached) = self.labels[row], (float(span.sum()) for span in seconds)
-        return CrowdExposure(crowd, float(away[row]), label, float(self.time[row]), hit, overlap, led, reached)
+        return CrowdExposure(crowd, float(distances[row]), label, float(self.time[row]), hit, overlap, led, reached)
 
     def _glides_to(self, crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
         """Return from which instants a glide straight on leads over people, and from which they are within reach."""

@@ -239,16 +239,16 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         )
     plant = Plant.from_race(race)
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
-    alone = fly(loop, UNDISTURBED, 0, [0])
-    off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    beyond = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
-    if not len(beyond) and alone.lost[0] < len(alone.clock):
+    undisturbed = fly(loop, UNDISTURBED, 0, [0])
+    distances = np.linalg.norm(undisturbed.error[:, :3, 0], axis=1)
+    beyond = np.flatnonzero(distances > UNDISTURBED_ERROR_MAX)
+    if not len(beyond) and undisturbed.lost[0] < len(undisturbed.clock):
         raise UsageError(
             "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
-            f"{alone.sample * alone.lost[0]:.1f} s"
+            f"{undisturbed.sample * undisturbed.lost[0]:.1f} s"
         )
     if len(beyond):
-        when = float(alone.clock[beyond[0], 0])
+        when = float(undisturbed.clock[beyond[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
             f"than {UNDISTURBED_ERROR_MAX:g} m off it at {when:.1f} s"

@@ -113,11 +113,11 @@ def _between(table: Array, clock: Array) -> Array:
 def errors(state: Array, line: Array) -> Array:
     """Return the errors (16, n) of states against those on the line, both (17, n)."""
     R = rotation(list(line[4:8]))
-    away = state[:3] - line[:3]
+    offset = state[:3] - line[:3]
     a, b, c, d = line[4:8]
     turned = product((a, -b, -c, -d), list(state[4:8]))
     side = np.where(turned[0] < 0.0, -2.0, 2.0)
-    position = [R[0][i] * away[0] + R[1][i] * away[1] + R[2][i] * away[2] for i in range(3)]
+    position = [R[0][i] * offset[0] + R[1][i] * offset[1] + R[2][i] * offset[2] for i in range(3)]
     return np.stack(
         [*position, state[3] - line[3], *(side * component for component in turned[1:]), *(state[8:] - line[8:])]
     )
@@ -147,9 +147,9 @@ def gradients(values: Callable[[Array, Array], Array], line: Array) -> Array:
     for place in range(size + DISTURBANCES):
         ends: list[Array] = []
         for side in (width, -width):
-            off = np.zeros((size + DISTURBANCES, line.shape[1]))
-            off[place] = side
-            ends.append(values(displace(line, off[:size]), off[size:]))
+            displacement = np.zeros((size + DISTURBANCES, line.shape[1]))
+            displacement[place] = side
+            ends.append(values(displace(line, displacement[:size]), displacement[size:]))
         derivatives.append((ends[0] - ends[1]) / (2.0 * width))
     return np.stack(derivatives, axis=2)
 

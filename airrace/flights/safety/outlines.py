@@ -72,8 +72,8 @@ class Raster:
         for begin, end in swept:
             rows, columns = np.rint((sweep(begin, end, cell) - corner) / cell).astype(np.int64).T
             empty[rows, columns] = False
-        away = np.asarray(distance_transform_edt(empty), np.float64)
-        return cls(corner, cell, width - cell * away)
+        distance = np.asarray(distance_transform_edt(empty), np.float64)
+        return cls(corner, cell, width - cell * distance)
 
     @property
     def centres(self) -> Array:

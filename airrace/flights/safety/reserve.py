@@ -202,11 +202,11 @@ def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[
     passing = judge.boundary(waypoint)
     assert passing.observation is not None  # it is the boundary of a passage
     rows = {quantity.name: row for row, quantity in enumerate(passing.observation.quantities)}
-    seen = at_points(passing.observation.values, states, np.array(passing.values))
+    outputs = at_points(passing.observation.values, states, np.array(passing.values))
     bounds = [(name, bound) for name, bound in passing.bounds.items() if name in rows]
-    both = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
-    stated = [(name, sign, end) for name, sign, end in both if math.isfinite(end)]
-    rooms = [sign * (end - seen[rows[name]]) for name, sign, end in stated]
+    ranges = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
+    stated = [(name, sign, end) for name, sign, end in ranges if math.isfinite(end)]
+    rooms = [sign * (end - outputs[rows[name]]) for name, sign, end in stated]
     return [(name, sign) for name, sign, _ in stated], np.array(rooms)
 
 
@@ -263,8 +263,10 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         distances = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
         distances += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
         for crowd in course.crowd:
-            away = ground_distance(places, crowd)
-            distances.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
+            distance = ground_distance(places, crowd)
+            if crowd.slant:
+                distance = np.hypot(distance, height - crowd.height)
+            distances.append(distance - crowd.distance)
         distances += [beside_line(places, safety_line) - safety_line.margin for safety_line in course.safety_lines]
         if course.airspace:
             distances.append(beside_border(places, course.airspace))

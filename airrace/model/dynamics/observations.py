@@ -159,11 +159,11 @@ def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
         return crossing
     x = ca.SX.sym("x", crossing.values.size1_in(0))
     b, own = named_symbols(crossing.parameters), named_symbols(sight.parameters)
-    seen = crossing.values(x, column(b.values()))
-    by_name = {quantity.name: seen[row] for row, quantity in enumerate(crossing.quantities)}
+    outputs = crossing.values(x, column(b.values()))
+    by_name = {quantity.name: outputs[row] for row, quantity in enumerate(crossing.quantities)}
     if twice := by_name.keys() & {quantity.name for quantity in sight.quantities}:
         raise ValueError(f"{sight.name} sees {', '.join(sorted(twice))}, which is seen at every crossing")
-    values = column([*seen.elements(), *sight.values(by_name, {**b, **own})])
+    values = column([*outputs.elements(), *sight.values(by_name, {**b, **own})])
     return Observation(
         name=f"{crossing.name} and {sight.name}",
         quantities=(*crossing.quantities, *sight.quantities),
@@ -385,11 +385,11 @@ def _ground_distance(shape: CrowdShape, place: Place, corners: Sequence[Place], 
 def _edge_distance(place: Place, a: Place, b: Place, keep: Scalar | None) -> Scalar:
     along = (b[0] - a[0], b[1] - a[1])
     length = sqrt(along[0] * along[0] + along[1] * along[1])
-    away = (place[0] - a[0], place[1] - a[1])
-    foot = (away[0] * along[0] + away[1] * along[1]) / length
+    offset = (place[0] - a[0], place[1] - a[1])
+    foot = (offset[0] * along[0] + offset[1] * along[1]) / length
     width = None if keep is None else CLIP_WIDTH * keep
     foot = minimum(maximum(foot, 0.0), length) if width is None else smooth_clip(foot, 0.0, length, width)
-    return _length(away[0] - foot * along[0] / length, away[1] - foot * along[1] / length, keep)
+    return _length(offset[0] - foot * along[0] / length, offset[1] - foot * along[1] / length, keep)
 
 
 def _length(north: Scalar, east: Scalar, keep: Scalar | None) -> Scalar:
