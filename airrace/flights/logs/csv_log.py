@@ -266,7 +266,8 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         "holds no samples; expected one row for every instant, below a row of headers"
     )
     for column in measured:
-        if column.field.name in _ESSENTIAL and 2 * _unread(samples, column.header) >= len(time):
+        fault = samples.faults.get(column.header)
+        if column.field.name in _ESSENTIAL and fault is not None and 2 * fault.count >= len(time):
             samples.refuse_first_fault(column.header)
     histories = {
         column.field.history: layout.correct(column.field.name, cells) * column.factor(cells)
@@ -287,10 +288,6 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     mapped = tuple(FIELDS[name].history for name in {**layout.scales, **layout.offsets})
     begins = instant(float(time[0])) if dated else None
     return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), (), guessed, mapped)
-
-
-def _unread(samples: SampleTable, key: str) -> int:
-    return samples.faults[key].count if key in samples.faults else 0
 
 
 def _ground(histories: Mapping[str, Array]) -> Array:
@@ -339,19 +336,19 @@ def _find_headers(
         columns = _match(headers, layout)
         lacking = _lacking(columns, layout)
         if not lacking[0]:
-            units, rest = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
+            units, lines_below = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
             for number in range(ROWS_BELOW):
-                rest = list(itertools.islice(numbered, 1))
-                below = rest[0][1] if rest else ""
+                lines_below = list(itertools.islice(numbered, 1))
+                below = lines_below[0][1] if lines_below else ""
                 cells = _cells(below, delimiter)
                 complete = len(cells) > max(column.index for column in columns)
                 if complete and any(_is_number(cells, column.index) for column in columns):
                     break
                 units = cells if below.strip() and not number else units  # else sources, or headers once more
-                rest = []
+                lines_below = []
             dialect, plain = dialect_of(headers), [plain_header(header) for header in headers]
             instance = plain.index(dialect.instance) if dialect and dialect.instance in plain else -1
-            return delimiter, [_with_unit(column, units) for column in columns], instance, rest
+            return delimiter, [_with_unit(column, units) for column in columns], instance, lines_below
         if not line.startswith("#") and len(columns) > best[0]:
             best = len(columns), at, headers
         above = line, headers

@@ -356,7 +356,8 @@ class RollRate:
 
 def measure_roll_rate(aircraft: Aircraft, logs: Sequence[LogFlight]) -> RollRate | None:
     """Return the roll rate of the quickest roll of all logs; None where none of them shows one that is held."""
-    roll_rates = [roll_rate for roll_rate in (_log_roll_rate(aircraft, log) for log in logs) if roll_rate is not None]
+    estimates = [_log_roll_rate(aircraft, log) for log in logs]
+    roll_rates = [estimate for estimate in estimates if estimate is not None]
     return max(roll_rates, key=lambda roll_rate: roll_rate.factor, default=None)
 
 

@@ -290,7 +290,8 @@ def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
         if len(best.made) < max(0.5 * needed, 1):
             return sorted(runs, key=lambda run: run.begin)
         runs.append(best)
-        crossings = [[crossing for crossing in row if not best.begin <= crossing.time <= best.end] for row in crossings]
+        for place, row in enumerate(crossings):
+            crossings[place] = [crossing for crossing in row if not best.begin <= crossing.time <= best.end]
 
 
 def _best_run(passages: Sequence[Passage], crossings: Sequence[Sequence[LineCrossing]]) -> CourseRun:

@@ -85,10 +85,8 @@ def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
         return framed
     scatter = float(np.ptp(metres[np.isfinite(_all_beyond(metres, windows))]))
     widest = max(window.upper - window.lower for window in windows if math.isfinite(window.upper - window.lower))
-    if (
-        np.median(np.abs(_beyond(feet, windows))) > FEET_LEFT * np.median(np.abs(excess))
-        or scatter < FEET_SCATTER * widest
-    ):
+    left = np.median(np.abs(_beyond(feet, windows)))
+    if left > FEET_LEFT * np.median(np.abs(excess)) or scatter < FEET_SCATTER * widest:
         return framed
     columns = {**framed.columns, "height": (framed.columns["height"] + ground) * _FOOT - ground}
     if name == "altitude":
@@ -103,10 +101,8 @@ def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple
     Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
     """
     heights = np.array([crossing.value("height") for crossing in flight.crossings])
-    excess = _beyond(
-        heights,
-        [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings],
-    )
+    windows = [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings]
+    excess = _beyond(heights, windows)
     if len(excess) < WINDOWS_MIN or abs(np.median(excess)) < ZERO_SHIFT:
         return 0.0, ()
     if np.mean(np.sign(excess) == np.sign(np.median(excess))) < BIASED_SHARE:
@@ -153,11 +149,11 @@ def roll_offsets(
 
 def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
     """Return by how much each height is beyond its window, m; NaN where there is no window, or no height."""
-    excess = [
-        beyond(h, window) if math.isfinite(window.upper) else math.nan
-        for h, window in zip(heights, windows, strict=True)
-    ]
-    return np.where(np.isfinite(heights), np.array(excess), np.nan)
+    excess = np.full(len(heights), math.nan)
+    for row, (height, window) in enumerate(zip(heights, windows, strict=True)):
+        if math.isfinite(window.upper) and math.isfinite(height):
+            excess[row] = beyond(height, window)
+    return excess
 
 
 def _beyond(heights: Array, windows: Sequence[Interval]) -> Array:

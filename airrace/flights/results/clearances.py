@@ -127,10 +127,7 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
             distance = np.hypot(distance, np.where(np.isnan(above), 0.0, above))
         yield Distance("crowd", crowd.name, crowd.distance, distance)
     for line in course.safety_lines:
-        on_leg = (
-            any(safety_line.name == line.name for safety_line in passage.safety_lines) for passage in course.passages
-        )
-        legs = frozenset(number for number, holds in enumerate(on_leg) if number and holds)
+        legs = frozenset(course.passages_with_line(line)) - {0}  # no leg leads to the start
         if legs:
             yield Distance("safety line", line.name, line.margin, beside_line(places, line), legs)
     if course.airspace:

@@ -377,12 +377,8 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
             distance = np.hypot(distance, height - crowd.height)
         breaches["crowd"] |= distance < crowd.distance - beyond
     for line in course.safety_lines:
-        on = [
-            number
-            for number, passage in enumerate(course.passages)
-            if any(line.name == safety_line.name for safety_line in passage.safety_lines)
-        ]
-        breaches["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
+        on_legs = np.isin(legs, course.passages_with_line(line))
+        breaches["safety line"] |= on_legs & (beside_line(places, line) < line.margin - beyond)
     if course.airspace:
         breaches["airspace"] |= beside_border(places, course.airspace) < -beyond
     return {kind: np.asarray((breach & racing).any(axis=0)) for kind, breach in breaches.items()}

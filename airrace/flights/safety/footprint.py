@@ -350,10 +350,8 @@ def _within(points: Array, rings: Array) -> np.ndarray:
 
 
 def _rings(outlines: Sequence[Outline]) -> list[dict[str, object]]:
-    return [
-        {
-            "border": np.round(outline.border, 2).tolist(),
-            "holes": [np.round(hole, 2).tolist() for hole in outline.holes],
-        }
-        for outline in outlines
-    ]
+    rings: list[dict[str, object]] = []
+    for outline in outlines:
+        holes = [np.round(hole, 2).tolist() for hole in outline.holes]
+        rings.append({"border": np.round(outline.border, 2).tolist(), "holes": holes})
+    return rings

@@ -276,6 +276,14 @@ class Course:
         """All safety lines that hold on some leg, in the order in which they are met; each name once."""
         return tuple({line.name: line for passage in self.passages for line in passage.safety_lines}.values())
 
+    def passages_with_line(self, line: SafetyLine) -> list[int]:
+        """Return the numbers of the passages whose legs keep to a safety line."""
+        numbers: list[int] = []
+        for number, passage in enumerate(self.passages):
+            if any(safety_line.name == line.name for safety_line in passage.safety_lines):
+                numbers.append(number)
+        return numbers
+
     @property
     def settled_ends(self) -> tuple[bool, bool]:
         """Whether start and finish are passed in settled flight, as the course or the pilot's limits ask for it."""
