@@ -305,8 +305,8 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
     remarks = read.remarks
     if len(recorded) > 1:
         remarks += (f"it holds {len(recorded)} recorded tracks",)
-    first, *tracks = [_gpx_track(path, samples, remarks, f"track {row}") for row, samples in enumerate(recorded, 1)]
-    return replace(first, others=tuple(tracks))
+    first, *further = [_gpx_track(path, table, remarks, f"track {row}") for row, table in enumerate(recorded, 1)]
+    return replace(first, others=tuple(further))
 
 
 def _gpx_track(path: str, samples: SampleTable, remarks: tuple[str, ...], label: str) -> Recording:
