@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from airrace.cli.answer import PAGE, paragraph, render
 from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
-from airrace.flights.logs.violations import shown
+from airrace.flights.logs.violations import select_violations
 from airrace.flights.sensitivity import Activity, Sensitivity
 from airrace.pages.report.sensitivity_tables import cost_text, sensitivities_table
 from airrace.pages.views.log_tables import passings_table, penalty_text, violations_table
@@ -29,7 +29,7 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
     title = f"{flight.label}: race time {race_time}, as flown{verified}"
     yield render(passings_table(flight, title), columns=PAGE)
     if log.violations:
-        listed, others = shown(log.violations)
+        listed, others = select_violations(log.violations)
         yield render(violations_table(listed, "rules that would be broken"), columns=PAGE)
         if others:
             yield paragraph(others)

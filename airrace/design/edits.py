@@ -15,7 +15,7 @@ import yaml
 from airrace.errors import UsageError
 from airrace.files.inputs.document import Document
 from airrace.files.inputs.nodes import KeyPath, dotted
-from airrace.files.inputs.yaml_reader import FAST, is_plain_text, quoted, read_yaml
+from airrace.files.inputs.yaml_reader import FAST, is_plain_text, quote, read_yaml
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def flow_text(value: Any) -> str:
         case str() if re.fullmatch(r"\w[\w-]*", value) and is_plain_text(value):
             return value
         case str():
-            return quoted(value)
+            return quote(value)
         case _:
             return json.dumps(value)
 
@@ -132,11 +132,11 @@ class _Text:
 
     def _with_value(self, node: yaml.Node, value: str) -> str:
         begin, end = node.start_mark.index, self._end(node)
-        rest = self.text[end:]
-        if (comment := re.match(r"( +)#", rest)) and "\n" not in self.text[begin:end]:
+        tail = self.text[end:]
+        if (comment := re.match(r"( +)#", tail)) and "\n" not in self.text[begin:end]:
             width = len(comment[1]) + end - begin - len(value)  # it stays in its column where there is room
-            rest = " " * max(1, width) + rest[len(comment[1]) :]
-        return self.text[:begin] + (" " if begin == end else "") + value + rest
+            tail = " " * max(1, width) + tail[len(comment[1]) :]
+        return self.text[:begin] + (" " if begin == end else "") + value + tail
 
     def _with_item(self, holder: yaml.CollectionNode, before: int | None, item: str) -> str:
         entries = _children(holder)

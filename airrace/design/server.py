@@ -1,4 +1,4 @@
-"""The server of the designer: one page and its state, for those on this machine who know the token.
+"""The server of the designer: one page and its state, for users of this machine with the token.
 
 A request is refused unless it names this server as its host, the token in its path and, where it changes something,
 this server as its origin: no page of another origin, nor a name that leads here, reaches the state.
@@ -78,7 +78,7 @@ class _Guard:
                 return _refusal(415, "a message is JSON")
             length = headers.get("content-length", "")
             if not length.isdecimal():
-                return _refusal(411, "a message tells its length")
+                return _refusal(411, "a message needs its length (Content-Length)")
             if int(length) > MESSAGE_MAX:
                 return _refusal(413, f"a message has at most {MESSAGE_MAX} bytes")
         return None
@@ -89,7 +89,7 @@ def _refusal(status: int, text: str) -> Response:
 
 
 def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopping: Callable[[], bool]) -> ASGIApp:
-    """Return the application that serves a designer to those who name one of the hosts and the token."""
+    """Return the application that serves a designer to requests with one of the hosts and the token."""
 
     async def asset(request: Request) -> Response:
         path = FOLDER / (request.path_params["path"] or "page.html")

@@ -120,7 +120,7 @@ class AircraftSession:
             executor.shutdown(wait=False, cancel_futures=True)
 
     def _guard(self, work: Callable[..., None], *arguments: object) -> None:
-        """Do a piece of work; whatever goes wrong is shown, and the next one is done all the same."""
+        """Do a piece of work; an error is shown, and the next one is done all the same."""
         try:
             work(*arguments)
             return
@@ -217,7 +217,7 @@ class AircraftSession:
             self._show(busy="mesh check")
             with suppress(CancelledError):
                 checked = session.certify(optimum).result()
-                with self._solving:  # nobody shows another optimum meanwhile
+                with self._solving:  # another optimum must not be shown meanwhile
                     if self._optimum is optimum:
                         self._show(status=checked.status)
         plan = plan_changed_run(run, Changes(request.track, None, None, request.values), until=STAGE)

@@ -1,1 +1,1 @@
-"""What a flight says: results, sensitivities, recorded logs, safety."""
+"""What follows from a flight: results, sensitivities, recorded logs, safety."""

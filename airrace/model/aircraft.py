@@ -134,7 +134,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class LinearLoops:
-    """The dynamics of the linear inner loops, where they are known better than the aircraft's derivatives tell.
+    """The dynamics of the linear inner loops, where they are known better than from the aircraft's derivatives.
 
     Attributes:
         V: speed at which they hold in level flight at sea level, m/s; at other speeds they follow the derivatives.

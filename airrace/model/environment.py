@@ -215,7 +215,7 @@ def static_wind(profile: Profile, h: Scalar, wind: StaticWindParameters[Scalar])
         return wind.north, wind.east
     # for the logarithm a floor above the roughness length keeps it positive
     floor = PROFILE_FLOOR + (wind.roughness if profile is Profile.LOG else 0.0)
-    height, reference = (smooth_maximum(one, floor, FLOOR_BLEND) for one in (h, wind.reference_height))
+    height, reference = (smooth_maximum(value, floor, FLOOR_BLEND) for value in (h, wind.reference_height))
     if profile is Profile.POWER:
         factor = power(height / reference, wind.exponent)
     else:
@@ -294,7 +294,9 @@ class WindField:
         parts = [("wind", StaticWindParameters.quantities())] if self.profile is not None else []
         parts += [(f"thermal{number + 1}", ThermalParameters.quantities()) for number in range(self.thermals)]
         return tuple(
-            dataclasses.replace(one, name=f"{part}_{one.name}") for part, declared in parts for one in declared
+            dataclasses.replace(quantity, name=f"{part}_{quantity.name}")
+            for part, declared in parts
+            for quantity in declared
         )
 
     def values(self, air: Air) -> list[float]:

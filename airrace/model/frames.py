@@ -36,7 +36,7 @@ def rotation(q: Sequence[Scalar]) -> Matrix:
 def right_wing(R: Sequence[Sequence[Scalar]], sin_beta_K: Scalar, cos_beta_K: Scalar) -> list[Scalar]:
     """Return the direction of the right wing, three components in O.
 
-    It is the body's y axis, which lies in the plane of x_Kbar and y_Kbar whatever the angle of attack. Models without
+    It is the body's y axis, which lies in the plane of x_Kbar and y_Kbar at any angle of attack. Models without
     angles have none: their wing is y_Kbar, that of no sideslip. Whatever keeps a wing clear of something, measures it
     or shows where it is takes it from here.
 

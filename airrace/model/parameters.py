@@ -166,8 +166,8 @@ class Parameter(Generic[Model]):
     def _round(self, value: float, *, upwards: bool) -> float:
         digit = self.digit or self.usual_step
         digits = max(0, -math.floor(math.log10(digit)))
-        whole = math.ceil if upwards else math.floor
-        return round(whole(round(value / digit, 6)) * digit, digits)
+        rounding = math.ceil if upwards else math.floor
+        return round(rounding(round(value / digit, 6)) * digit, digits)
 
 
 def unit_and_step(key: str) -> tuple[str, float]:
@@ -175,7 +175,7 @@ def unit_and_step(key: str) -> tuple[str, float]:
     name = key.rpartition(".")[2]
     if name in LOAD_FACTORS:
         return "g", 0.1
-    unit, step = next((meant for ending, meant in UNITS.items() if name.endswith(f"_{ending}")), ("1", 0.0))
+    unit, step = next((unit_step for ending, unit_step in UNITS.items() if name.endswith(f"_{ending}")), ("1", 0.0))
     return unit, OWN_STEPS.get(name, step)
 
 
@@ -208,8 +208,8 @@ def lift(
         at: the name of the part.
     """
 
-    def change_part(whole: Whole, value: float) -> Whole:
-        return change(whole, lambda part: parameter.set(part, value))
+    def change_part(model: Whole, value: float) -> Whole:
+        return change(model, lambda part: parameter.set(part, value))
 
     part: Parameter[Any] = parameter
     return dataclasses.replace(part, key=f"{prefix}{parameter.key}", set=change_part, at=at)

@@ -1,6 +1,6 @@
 """The assembly of a nonlinear program from the kernels of its intervals, and of the dense matrices of its stages.
 
-It tells on which unknowns each kernel is called, and of which of the results every constraint and every nonzero of the
+It states on which unknowns each kernel is called, and of which of the results every constraint and every nonzero of the
 derivatives is a weighted sum; the weights carry the scaling. These are index arrays, which depend on the structure of a
 problem alone and are made in time linear in its length. `evaluation.py` evaluates them.
 """
@@ -129,17 +129,17 @@ class Assembly:
         self.linear[layout.state_index[-1]] += terminal
         self.linear *= layout.scale
         self.final: FinalCost | None = None
-        if (seen := objective.observation) is not None:
-            weights = np.array([objective.terminal.get(one.name, 0.0) for one in seen.quantities])
+        if (observation := objective.observation) is not None:
+            weights = np.array([objective.terminal.get(quantity.name, 0.0) for quantity in observation.quantities])
             end = len(layout.parameter_values())
             own = np.arange(end - len(objective.values), end)
-            self.final = FinalCost(casadi_observation(seen.values), weights, layout.state_index[-1], own)
-        both = (*problem.system.states, *problem.system.controls)
-        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in both])
-        some = np.flatnonzero(weights)
-        places = np.hstack([layout.state_index[:-1], layout.control_index])[:, some]
-        penalty = Penalty(weights[some], places, layout.duration_index[:-1], self._fractions)
-        self.penalty = penalty if some.size else None
+            self.final = FinalCost(casadi_observation(observation.values), weights, layout.state_index[-1], own)
+        regularised = (*problem.system.states, *problem.system.controls)
+        weights = np.array([objective.regularisation.get(quantity.name, 0.0) for quantity in regularised])
+        regularised_rows = np.flatnonzero(weights)
+        places = np.hstack([layout.state_index[:-1], layout.control_index])[:, regularised_rows]
+        penalty = Penalty(weights[regularised_rows], places, layout.duration_index[:-1], self._fractions)
+        self.penalty = penalty if regularised_rows.size else None
         # the linear part of the gaps, in scaled units: rows, unknowns, signs and stages
         states, durations, intervals = layout.gap_index[:, :-1], layout.gap_index[:, -1], np.arange(layout.intervals)
         self._gap_rows = np.concatenate([states.ravel(), durations, durations])
@@ -186,9 +186,11 @@ class Assembly:
         offsets = len(layout.problem.parameters) + layout.intervals + np.array([sample.offset for sample in samples])
         jumps = None
         if any(sample.jump is not None for sample in samples):
-            nothing = np.full(layout.n_x, len(layout.parameter_values()))  # the place of the zero behind p
+            without_jump = np.full(layout.n_x, len(layout.parameter_values()))  # the place of the zero behind p
             at = layout.jump_offset + np.arange(layout.n_x)
-            jumps = np.stack([nothing if one.jump is None else at + one.jump * layout.n_x for one in samples])
+            jumps = np.stack(
+                [without_jump if sample.jump is None else at + sample.jump * layout.n_x for sample in samples]
+            )
         return Calls(
             kernel=kernel,
             inputs=layout.state_index[nodes],
@@ -240,14 +242,14 @@ class Assembly:
         matrix = COOBuilder(layout.constraints, layout.unknowns)
         for calls in self.calls:
             component, of = _nonzeros(calls.kernel.jacobian_pattern)
-            some = np.flatnonzero(within[calls.stages])
-            rows = calls.rows[some[:, None], component].ravel()
-            columns = calls.inputs[some[:, None], of].ravel()
-            weights = calls.weights[some[:, None], component].ravel() * layout.scale[columns]
+            numbers = np.flatnonzero(within[calls.stages])
+            rows = calls.rows[numbers[:, None], component].ravel()
+            columns = calls.inputs[numbers[:, None], of].ravel()
+            weights = calls.weights[numbers[:, None], component].ravel() * layout.scale[columns]
             used = np.flatnonzero(rows < layout.constraints)
             count = len(component)
             matrix.add_block(count * len(calls.of_lane), count * calls.first_of_stage(self._stages))
-            matrix.add(rows[used], columns[used], weights[used], _results(some, count)[used])
+            matrix.add(rows[used], columns[used], weights[used], _results(numbers, count)[used])
         matrix.add_block(1, np.zeros(self._stages, dtype=np.int64))
         gaps = np.flatnonzero(within[self._gap_stages])
         matrix.add(self._gap_rows[gaps], self._gap_unknowns[gaps], self._gap_signs[gaps], np.zeros_like(gaps))
@@ -282,15 +284,15 @@ class Assembly:
         matrix = COOBuilder(layout.unknowns, layout.unknowns, symmetric=True)
         for calls in self.calls:
             row, column = _nonzeros(calls.kernel.hessian_pattern)
-            some = np.flatnonzero(within[calls.stages])
-            rows, columns = calls.inputs[some[:, None], row].ravel(), calls.inputs[some[:, None], column].ravel()
+            numbers = np.flatnonzero(within[calls.stages])
+            rows, columns = calls.inputs[numbers[:, None], row].ravel(), calls.inputs[numbers[:, None], column].ravel()
             # what the last node's path would say of the control before it is zero: no row there depends on that
-            stage = np.repeat(calls.stages[some], len(row))
+            stage = np.repeat(calls.stages[numbers], len(row))
             used = (layout.stage_of_unknown[rows] == stage) & (layout.stage_of_unknown[columns] == stage)
             used = np.flatnonzero(used)
             rows, columns, count = rows[used], columns[used], len(row)
             matrix.add_block(count * len(calls.of_lane), count * calls.first_of_stage(self._stages))
-            matrix.add(rows, columns, scale[rows] * scale[columns], _results(some, count)[used])
+            matrix.add(rows, columns, scale[rows] * scale[columns], _results(numbers, count)[used])
         if self.final is not None:
             row, column = _nonzeros(self.final.kernel.hessian_pattern)
             rows, columns = self.final.inputs[row], self.final.inputs[column]
@@ -308,7 +310,7 @@ class Assembly:
         return matrix.build()
 
     def structure_keys(self, *, rows: bool) -> Indices:
-        """Return what tells stages apart whose derivatives have other patterns, shape (N + 1, n).
+        """Return keys that distinguish stages whose derivatives have other patterns, shape (N + 1, n).
 
         Stages are alike where all is equal. None is like a stage at which a kernel is called twice.
 
@@ -320,11 +322,11 @@ class Assembly:
         begins = np.append(layout.gap_index[:, 0], 0)
         for calls in self.calls:
             key = np.zeros(self._stages, dtype=np.int64)
-            here = np.ones((len(calls.stages), 1), dtype=np.int64)
+            descriptions = np.ones((len(calls.stages), 1), dtype=np.int64)
             if rows:
                 at = np.where(calls.rows < layout.constraints, calls.rows - begins[calls.stages, None], -1)
-                here = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
-            key[calls.stages] = 1 + unique_rows(here)[0]
+                descriptions = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
+            key[calls.stages] = 1 + unique_rows(descriptions)[0]
             often = np.bincount(calls.stages, minlength=self._stages) > 1
             key[often] = -1 - np.flatnonzero(often)
             keys.append(key)

@@ -3,7 +3,7 @@
     minimise f(x, p)    subject to    lbx <= x <= ubx,    lbg <= g(x, p) <= ubg
 
 in scaled units. The package's own solvers evaluate the same sums from index arrays (`evaluation.py`); this is for
-whoever wants to give a problem to another solver, or to look into it with CasADi's means.
+users who pass a problem to another solver or analyse it with CasADi.
 """
 
 from dataclasses import dataclass
@@ -98,14 +98,14 @@ def unknown_names(layout: Layout) -> tuple[str, ...]:
         (layout.control_index, system.controls, "interval"),
     ):
         for number, row in enumerate(rows):
-            names[row] = [f"{one.name} at {where} {number}" for one in quantities]
+            names[row] = [f"{quantity.name} at {where} {number}" for quantity in quantities]
     return tuple(names.tolist())
 
 
 def constraint_names(layout: Layout) -> tuple[str, ...]:
     """Return what every constraint is: the gap of a state before a node, or a limit at a node."""
     names = np.full(layout.constraints, "", dtype=object)
-    gaps = [*(one.name for one in layout.problem.system.states), "duration"]
+    gaps = [*(quantity.name for quantity in layout.problem.system.states), "duration"]
     for node, places in enumerate(layout.gap_index, start=1):
         names[places] = [f"gap of {name} before node {node}" for name in gaps]
     for place, node in zip(layout.row_index.tolist(), layout.rows.node.tolist(), strict=True):
@@ -161,7 +161,8 @@ class NlpExpressions:
         function = map_calls((kernel.value, kernel.jacobian, kernel.hessian)[part], calls.batches, self.threads)
         outputs = function(y, own, shared, *multipliers)
         # the nonzeros of a row come as a row
-        return [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
+        columns = outputs if isinstance(outputs, tuple) else (outputs,)
+        return [ca.vec(column.nz[:]) for column in columns]
 
     def final_arguments(self, final: FinalCost) -> tuple[ca.MX, ca.MX, ca.DM]:
         """Return the final state, the observation's parameters and the weights of the cost."""

@@ -62,7 +62,7 @@ class SecondOrder:
 
     @property
     def hangs_on_weak_limits(self) -> bool:
-        """Whether it is only singular because nobody knows whether the weakly active limits hold."""
+        """Whether it is only singular because of the weakly active limits, which may not hold."""
         return self.curvature is Curvature.SINGULAR and self.least <= -self.saddle
 
     @property
@@ -106,7 +106,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Certificate:
-    """All measured items of one result, the solver's own words, and what the curvature tells where it is known."""
+    """All measured items of one result, the solver's status, and the curvature where it is known."""
 
     solver_status: str
     items: tuple[Item, ...]

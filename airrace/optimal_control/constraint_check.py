@@ -22,7 +22,7 @@ from airrace.optimal_control.trajectory import Array
 class Tolerance:
     """The excess allowed to quantities of some units between nodes (`path`) and at boundaries (`boundary`).
 
-    The items are called `path_NAME` and `gate_NAME`, the latter with `boundary_name` where that is given.
+    The items are called `path_NAME` and `gate_NAME`, the latter with `boundary_name` where that is set.
     """
 
     name: str
@@ -62,27 +62,27 @@ def check_constraints(
     Raises:
         ValueError: a quantity is bounded and no tolerance has its unit.
     """
-    known = {unit: tolerance for tolerance in tolerances for unit in tolerance.units}
+    tolerance_of = {unit: tolerance for tolerance in tolerances for unit in tolerance.units}
     defect = np.abs(replay.defect)
     component, interval = np.unravel_index(int(defect.argmax()), defect.shape)
     where = f"{problem.phase_of(int(interval)).name}, {problem.system.states[int(component)].name}"
     items = [Item("replay_defect", float(defect.max()), defect_limit, "scaled", where)]
     multiples = np.zeros(problem.intervals)
-    excesses = _excesses(problem, replay, known)
+    excesses = _excesses(problem, replay, tolerance_of)
     for tolerance in tolerances:
         own = [(name, largest) for name, unit, largest in excesses if unit in tolerance.units]
         if own:
-            largest = np.stack([one for _, one in own], axis=0)
+            largest = np.stack([excess for _, excess in own], axis=0)
             row, interval = np.unravel_index(int(largest.argmax()), largest.shape)
             where = f"{problem.phase_of(int(interval)).name}, {own[int(row)][0]}"
             name, unit = f"path_{tolerance.name}", tolerance.units[0]
             items.append(Item(name, float(largest.max()), tolerance.path, unit, where))
             multiples = np.maximum(multiples, largest.max(axis=0) / tolerance.path)
-    items += _boundary_items(problem, iterate, tolerances, known)
+    items += _boundary_items(problem, iterate, tolerances, tolerance_of)
     return ConstraintCheck(tuple(items), defect.max(axis=0), multiples)
 
 
-def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) -> list[tuple[str, str, Array]]:
+def _excesses(problem: Problem, replay: Replay, tolerance_of: Mapping[str, Tolerance]) -> list[tuple[str, str, Array]]:
     """Return (name, unit, largest excess in each interval, shape (N,)) of all that is limited along the flight."""
     excesses: list[tuple[str, str, Array]] = []
     phases = [slice(first, last) for first, last in pairwise(problem.first_node)]
@@ -92,7 +92,7 @@ def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) 
         lower, upper = np.empty((problem.intervals, 1)), np.empty((problem.intervals, 1))
         for phase, within in zip(problem.phases, phases, strict=True):
             bounds = narrow_range(quantity, phase.bounds)
-            _require_tolerance(quantity, bounds, known)
+            _require_tolerance(quantity, bounds, tolerance_of)
             lower[within], upper[within] = bounds.lower, bounds.upper
         excesses.append((quantity.name, quantity.unit, outside(history, lower, upper).max(axis=1)))
     for phase, within in zip(problem.phases, phases, strict=True):
@@ -101,11 +101,11 @@ def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) 
                 continue  # it is asked for at a node, where the conditions of optimality are measured
             states = replay.state[:, within]
             measure = (watch.exact or watch.observation).values
-            seen = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))
-            for quantity, values in zip(watch.observation.quantities, seen, strict=True):
+            outputs = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))
+            for quantity, values in zip(watch.observation.quantities, outputs, strict=True):
                 bounds = watch.bounds.get(quantity.name, Interval())
                 if bounds.constrained:
-                    _require_tolerance(quantity, bounds, known)
+                    _require_tolerance(quantity, bounds, tolerance_of)
                     largest = np.zeros(problem.intervals)
                     samples = values.reshape(states.shape[1:])
                     largest[within] = outside(samples, bounds.lower, bounds.upper).max(axis=1)
@@ -113,9 +113,9 @@ def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) 
     return excesses
 
 
-def _require_tolerance(quantity: Quantity, bounds: Interval, known: Mapping[str, Tolerance]) -> None:
+def _require_tolerance(quantity: Quantity, bounds: Interval, tolerance_of: Mapping[str, Tolerance]) -> None:
     """Refuse a bounded quantity whose unit has no tolerance, rather than pass over it in silence."""
-    if bounds.constrained and quantity.unit not in known:
+    if bounds.constrained and quantity.unit not in tolerance_of:
         raise ValueError(f"no tolerance for {quantity.name} in {quantity.unit!r}")
 
 
@@ -125,23 +125,27 @@ def outside(values: Array, lower: Array | float, upper: Array | float) -> Array:
 
 
 def _boundary_items(
-    problem: Problem, iterate: Iterate, tolerances: Sequence[Tolerance], known: Mapping[str, Tolerance]
+    problem: Problem, iterate: Iterate, tolerances: Sequence[Tolerance], tolerance_of: Mapping[str, Tolerance]
 ) -> list[Item]:
     worst = {tolerance.name: (0.0, "") for tolerance in tolerances}
     ends = problem.states_before_jump(iterate.state)[:, np.array(problem.first_node[1:]) - 1]
     states = np.hstack([iterate.state[:, :1], ends]).T
     for x, boundary in zip(states, problem.boundaries, strict=True):
         for quantity, bounds, value in boundary_values(problem, boundary, x):
-            _require_tolerance(quantity, bounds, known)
-            name, violation = known[quantity.unit].name, float(outside(np.asarray(value), bounds.lower, bounds.upper))
+            _require_tolerance(quantity, bounds, tolerance_of)
+            name, violation = (
+                tolerance_of[quantity.unit].name,
+                float(outside(np.asarray(value), bounds.lower, bounds.upper)),
+            )
             if np.isnan(violation) or violation >= worst[name][0]:  # NaN is the worst, and stays it
                 worst[name] = (violation, f"{boundary.name}, {quantity.name}")
-    return [
-        Item(f"gate_{one.boundary_name or one.name}", value, one.boundary, one.units[0], where)
-        for one in tolerances
-        for value, where in [worst[one.name]]
-        if where
-    ]
+    items: list[Item] = []
+    for tolerance in tolerances:
+        violation, where = worst[tolerance.name]
+        if where:
+            name = f"gate_{tolerance.boundary_name or tolerance.name}"
+            items.append(Item(name, violation, tolerance.boundary, tolerance.units[0], where))
+    return items
 
 
 def boundary_values(problem: Problem, boundary: Boundary, x: Array) -> list[tuple[Quantity, Interval, float]]:

@@ -1,8 +1,8 @@
 """Problems whose limits give way, and how far they have to.
 
-Two problems of the same structure differ in numbers alone: one is asked for, the other is milder. Between them, and
+Two problems of the same structure differ in numbers alone: the nominal one and a milder one. Between them, and
 beyond the milder one, lies a line of problems, on which every number moves in proportion. How far along that line the
-limits have to give way is one more state `relaxed`, without a rate: 0 for what is asked for, 1 for the milder problem.
+limits have to give way is one more state `relaxed`, without a rate: 0 for the nominal problem, 1 for the milder one.
 
     c(x, u, p + relaxed dp) - relaxed d_upper <= upper,     relaxed >= 0
 
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Problem
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.system import Observation, System
 from airrace.optimal_control.trajectory import Array
@@ -37,7 +37,7 @@ Place = TypeVar("Place", Boundary, PathConstraint)
 Owner = tuple[str, int, int]
 """The owner of a range: ("path", 0, 0), ("boundary", its number, 0) or ("watch", its phase, its number there)."""
 PATH: Owner = ("path", 0, 0)
-"""The owner of the ranges that hold all along the flight."""
+"""The owner of the ranges along the whole flight."""
 
 
 class Shift(NamedTuple):
@@ -72,19 +72,18 @@ class Moves:
 
 
 def difference(nominal: Problem, relaxed_problem: Problem) -> Moves:
-    """Return what differs between two problems that a change of numbers has made of one."""
+    """Return the differences between two problems of the same structure."""
     ranges: dict[Owner, Mapping[str, Shift]] = {}
     values: dict[Owner, Array] = {}
-    for (owner, bounds, numbers), (_, other_bounds, other_numbers) in zip(
-        _ranges(nominal), _ranges(relaxed_problem), strict=True
-    ):
+    pairs = zip(_ranges(nominal), _ranges(relaxed_problem), strict=True)
+    for (owner, bounds, nominal_values), (_, relaxed_bounds, relaxed_values) in pairs:
         shifts: dict[str, Shift] = {}
         for name, at in bounds.items():
-            other = other_bounds.get(name, at)
-            shifts[name] = Shift(_change(at.lower, other.lower), _change(at.upper, other.upper))
+            relaxed_range = relaxed_bounds.get(name, at)
+            shifts[name] = Shift(_change(at.lower, relaxed_range.lower), _change(at.upper, relaxed_range.upper))
         if nonzero := {name: shift for name, shift in shifts.items() if any(shift)}:
             ranges[owner] = nonzero
-        change = np.asarray(other_numbers, dtype=float) - np.asarray(numbers, dtype=float)
+        change = np.asarray(relaxed_values, dtype=float) - np.asarray(nominal_values, dtype=float)
         if change.any():
             values[owner] = change
     parameters = np.asarray(relaxed_problem.parameters, dtype=float) - np.asarray(nominal.parameters, dtype=float)
@@ -94,7 +93,11 @@ def difference(nominal: Problem, relaxed_problem: Problem) -> Moves:
 def _ranges(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
     """Yield all ranges and parameters by their owner, in the same order for problems of the same structure."""
     system = problem.system
-    yield PATH, {one.name: Interval(one.lower, one.upper) for one in (*system.states, *system.path)}, ()
+    yield (
+        PATH,
+        {quantity.name: Interval(quantity.lower, quantity.upper) for quantity in (*system.states, *system.path)},
+        (),
+    )
     for owner, boundary in boundaries_of(problem):
         yield owner, boundary.bounds, boundary.values
     for index, phase in enumerate(problem.phases):
@@ -103,12 +106,12 @@ def _ranges(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], t
 
 
 def boundaries_of(problem: Problem) -> list[tuple[Owner, Boundary]]:
-    """Return the start and the ends of all phases, with what they are called as owners of ranges."""
-    return [(("boundary", number, 0), one) for number, one in enumerate(problem.boundaries)]
+    """Return the start and the ends of all phases, with their keys as owners of ranges."""
+    return [(("boundary", number, 0), boundary) for number, boundary in enumerate(problem.boundaries)]
 
 
 def _change(nominal: float, relaxed_problem: float) -> float:
-    """Return by how much an end of a range moves; one that is gone at once moves by one unit."""
+    """Return by how much an end of a range moves; an end that is removed moves by one unit."""
     if math.isinf(nominal):
         return 0.0
     return relaxed_problem - nominal if math.isfinite(relaxed_problem) else math.copysign(1.0, relaxed_problem)
@@ -118,25 +121,18 @@ def elastic(nominal: Problem, relaxed_problem: Problem, *, weight: float, furthe
     """Return the problem of giving way as little as possible.
 
     Args:
-        nominal: what is asked for.
+        nominal: the problem to be relaxed.
         relaxed_problem: the same with milder numbers.
         weight: of a whole step from the one to the other, in the unit of the objective.
         furthest: the largest number of such steps.
     """
     moves, system = difference(nominal, relaxed_problem), nominal.system
     shifts = [moves.ranges.get(PATH, {}).get(name, NO_SHIFT) for name in _relaxable(system)]
-    start, *ends = (_elastic(one, moves, owner, system) for owner, one in boundaries_of(nominal))
-    phases = [
-        replace(
-            phase,
-            end=end,
-            watches=tuple(
-                replace(_elastic(watch, moves, ("watch", index, number), system), exact=None)
-                for number, watch in enumerate(phase.watches)
-            ),
-        )
-        for index, (phase, end) in enumerate(zip(nominal.phases, ends, strict=True))
-    ]
+    start, *ends = (_elastic(boundary, moves, owner, system) for owner, boundary in boundaries_of(nominal))
+    phases: list[Phase] = []
+    for index, (phase, end) in enumerate(zip(nominal.phases, ends, strict=True)):
+        watches = [_elastic(watch, moves, ("watch", index, n), system) for n, watch in enumerate(phase.watches)]
+        phases.append(replace(phase, end=end, watches=tuple(replace(watch, exact=None) for watch in watches)))
     upper, lower = [shift.upper for shift in shifts], [shift.lower for shift in shifts]
     return replace(
         nominal,
@@ -165,38 +161,40 @@ def project(iterate: Iterate) -> tuple[Iterate, float]:
 
 def _relaxable(system: System) -> tuple[str, ...]:
     """Return the names of states and path quantities that may have limits which give way, in order."""
-    states = [one.name for one in system.states if math.isfinite(one.lower) or math.isfinite(one.upper)]
-    return (*states, *(one.name for one in system.path))
+    states = [
+        quantity.name for quantity in system.states if math.isfinite(quantity.lower) or math.isfinite(quantity.upper)
+    ]
+    return (*states, *(quantity.name for quantity in system.path))
 
 
 def _elastic_system(system: System, shifts: Mapping[str, Shift], furthest: float) -> System:
     """Return a system with the state `relaxed`; the limits that give way are those of path quantities."""
-    names, path_names = _relaxable(system), {one.name for one in system.path}
-    rows = tuple(row for row, one in enumerate(system.states) if one.name in names)
+    names, path_names = _relaxable(system), {quantity.name for quantity in system.path}
+    rows = tuple(row for row, quantity in enumerate(system.states) if quantity.name in names)
     rates, path, projection = _elastic_functions(system.rates, system.path_values, system.projection, rows)
-    declared = {one.name: one for one in (*system.states, *system.path)}
+    declared = {quantity.name: quantity for quantity in (*system.states, *system.path)}
     sides = [(name, end) for end in (AT_MOST, AT_LEAST) for name in names]
 
     def limit(name: str, end: str) -> Quantity:
-        one, shift = declared[name], shifts.get(name, NO_SHIFT)
+        quantity, shift = declared[name], shifts.get(name, NO_SHIFT)
         holds = name in path_names or (shift.upper if end == AT_MOST else shift.lower) != 0.0
-        lower = one.lower if holds and end == AT_LEAST else -math.inf
-        upper = one.upper if holds and end == AT_MOST else math.inf
-        return replace(one, name=f"{name}{end}", lower=lower, upper=upper)
+        lower = quantity.lower if holds and end == AT_LEAST else -math.inf
+        upper = quantity.upper if holds and end == AT_MOST else math.inf
+        return replace(quantity, name=f"{name}{end}", lower=lower, upper=upper)
 
-    def state(one: Quantity) -> Quantity:
-        shift = shifts.get(one.name, NO_SHIFT)
-        lowest = SLOWEST * one.lower if one.unit == "m/s" else -math.inf
-        lower, upper = lowest if shift.lower else one.lower, math.inf if shift.upper else one.upper
-        return replace(one, lower=lower, upper=upper)
+    def state(quantity: Quantity) -> Quantity:
+        shift = shifts.get(quantity.name, NO_SHIFT)
+        lowest = SLOWEST * quantity.lower if quantity.unit == "m/s" else -math.inf
+        lower, upper = lowest if shift.lower else quantity.lower, math.inf if shift.upper else quantity.upper
+        return replace(quantity, lower=lower, upper=upper)
 
     return System(
         name=f"{system.name}+elastic",
-        states=(*(state(one) for one in system.states), replace(RELAXED, upper=furthest)),
+        states=(*(state(quantity) for quantity in system.states), replace(RELAXED, upper=furthest)),
         controls=system.controls,
         parameters=(
             *system.parameters,
-            *(replace(one, name=f"d_{one.name}") for one in system.parameters),
+            *(replace(parameter, name=f"d_{parameter.name}") for parameter in system.parameters),
             *(replace(declared[name], name=f"d_{name}{end}") for name, end in sides),
         ),
         rates=rates,
@@ -246,18 +244,18 @@ def _elastic(place: Place, moves: Moves, owner: Owner, system: System) -> Place:
     for name, at in place.bounds.items():
         shift = shifts.get(name, NO_SHIFT)
         if any(shift) and at.lower == at.upper and shift.lower == shift.upper:
-            stays, giving = Interval(), [(AT_MOST, shift.upper, at)]
+            fixed_range, elastic_ranges = Interval(), [(AT_MOST, shift.upper, at)]
         else:
-            stays = Interval(-math.inf if shift.lower else at.lower, math.inf if shift.upper else at.upper)
+            fixed_range = Interval(-math.inf if shift.lower else at.lower, math.inf if shift.upper else at.upper)
             upper, lower = Interval(upper=at.upper), Interval(lower=at.lower)
-            giving = [(AT_MOST, shift.upper, upper), (AT_LEAST, shift.lower, lower)]
-        for end, amount, limit in giving:
+            elastic_ranges = [(AT_MOST, shift.upper, upper), (AT_LEAST, shift.lower, lower)]
+        for end, amount, limit in elastic_ranges:
             if amount:
                 sides.append((name, end))
                 amounts.append(amount)
                 bounds[f"{name}{end}"] = limit
-        if stays.constrained:
-            bounds[name] = stays
+        if fixed_range.constrained:
+            bounds[name] = fixed_range
     if place.observation is None and not sides:
         return place
     values = (*place.values, *(() if change is None else change.tolist()), *amounts)
@@ -281,16 +279,18 @@ def _observe_relaxed(
     moving = parameters if changing else ()
     x, relaxed, b = ca.SX.sym("x", len(states)), ca.SX.sym("relaxed"), ca.SX.sym("b", len(parameters))
     change, amount = ca.SX.sym("db", len(moving)), ca.SX.sym("amount", len(sides))
-    seen = observation.values(x, b + relaxed * change if changing else b).elements() if observation else []
-    declared = {one.name: one for one in (*states, *quantities)}
-    symbols: dict[str, Any] = {one.name: x[row] for row, one in enumerate(states)}  # Any: casadi's elements of SX
-    symbols |= dict(zip((one.name for one in quantities), seen, strict=True))
-    giving = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(sides)]
+    outputs = observation.values(x, b + relaxed * change if changing else b).elements() if observation else []
+    declared = {quantity.name: quantity for quantity in (*states, *quantities)}
+    symbols: dict[str, Any] = {
+        quantity.name: x[row] for row, quantity in enumerate(states)
+    }  # Any: casadi's elements of SX
+    symbols |= dict(zip((quantity.name for quantity in quantities), outputs, strict=True))
+    relaxed_outputs = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(sides)]
     rows = [replace(declared[name], name=f"{name}{end}") for name, end in sides]
-    arguments, values = [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*seen, *giving)]
+    arguments, values = [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*outputs, *relaxed_outputs)]
     return Observation(
         name=f"{observation.name if observation else 'states'}, giving way",
         quantities=(*quantities, *rows),
-        parameters=(*parameters, *(replace(one, name=f"d_{one.name}") for one in (*moving, *rows))),
+        parameters=(*parameters, *(replace(quantity, name=f"d_{quantity.name}") for quantity in (*moving, *rows))),
         values=ca.Function("seen", arguments, values, {"cse": True}),
     )

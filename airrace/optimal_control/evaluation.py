@@ -51,7 +51,7 @@ class Evaluation:
 
     @cached_property
     def stage_matrices(self) -> StageMatrices:
-        """The matrices of the program's stages, for whoever writes them."""
+        """The matrices of the program's stages, to be written."""
         return StageMatrices(self.assembly)
 
     def forget(self) -> None:
@@ -72,9 +72,11 @@ class Evaluation:
 
     def at(self, w: Array, p: Array) -> None:
         """Evaluate the objective and the constraints at a point, unless they are already those of it."""
-        there = self._evaluated_at is not None and np.array_equal(self._evaluated_at, w) and np.array_equal(self.p, p)
+        unchanged = (
+            self._evaluated_at is not None and np.array_equal(self._evaluated_at, w) and np.array_equal(self.p, p)
+        )
         self.w[:], self.p[:] = w, p
-        if not there:
+        if not unchanged:
             self.forget()
             self.values()
 
@@ -129,8 +131,8 @@ class Evaluation:
         """Evaluate the gradient of the Lagrangian, and return the nonzeros of the kernels' Hessians, unless they are
         already those of the same unknowns and multipliers."""
         multipliers, at = np.append(self.lam_g, 0.0), np.concatenate([self.w, self.lam_g])
-        known = self._curved_at
-        if known is not None and known[0] == self.lam_f and np.array_equal(known[1], at):
+        last = self._curved_at
+        if last is not None and last[0] == self.lam_f and np.array_equal(last[1], at):
             return list(self._curved)
         self._curved_at = None
         curved = [calls.hessians(unscaled, multipliers) for calls in self._calls]
@@ -228,10 +230,10 @@ class _FinalCostEvaluation:
 
     def value(self, unscaled: Array) -> float:
         """Return the cost."""
-        call, (seen,) = self._value
+        call, (outputs,) = self._value
         self._y[:] = unscaled[self.cost.inputs]
         call()
-        return _sum(self.cost.weights * seen)
+        return _sum(self.cost.weights * outputs)
 
     def derivatives(self, unscaled: Array, factor: float) -> list[Array]:
         """Return the gradient of the cost times a factor in y, and the nonzeros of its Hessian's upper triangle."""

@@ -100,17 +100,19 @@ class Kernel:
         function = (self.value, self.jacobian, self.hessian)[part]
         threads = _threads_for(calls, self.lanes, threads)
         results = [np.zeros(calls * function.nnz_out(place)) for place in range(function.n_out())]
-        whole = calls - calls % threads
+        divisible = calls - calls % threads
         pieces: list[Callable[[], None]] = []
 
         def cut(arrays: Sequence[Array], first: int, end: int) -> list[Array]:
             """Return what belongs to some of the calls, not copied."""
-            return [
-                one.reshape(-1)[first * (one.size // calls) : end * (one.size // calls) if end < calls else None]
-                for one in arrays
-            ]
+            parts: list[Array] = []
+            for array in arrays:
+                size = array.size // calls
+                last = end * size if end < calls else None  # the last piece takes a remainder, too
+                parts.append(array.reshape(-1)[first * size : last])
+            return parts
 
-        for first, end, count in ((0, whole, threads), (whole, calls, 1)):
+        for first, end, count in ((0, divisible, threads), (divisible, calls, 1)):
             if first < end:
                 mapped = map_calls(function, end - first, count)
                 pieces.append(bind(mapped, cut(arguments, first, end), cut(results, first, end))[0])
@@ -141,7 +143,9 @@ class DirectionalHessian:
     pattern: ca.Sparsity
     lanes: int
 
-    def bind(self, given: Sequence[Array], found: Sequence[Array], threads: int, intervals: int) -> Callable[[], None]:
+    def bind(
+        self, arguments: Sequence[Array], results: Sequence[Array], threads: int, intervals: int
+    ) -> Callable[[], None]:
         """Return the evaluation of so many intervals, as `BatchFunction.bind` does."""
         n_y, n_own, _, n_lam = self.sizes
         rows, columns = (np.array(places, dtype=np.intp) for places in self.pattern.get_triplet())
@@ -158,11 +162,11 @@ class DirectionalHessian:
         (all_gradients, gradients), (all_changes, changes) = every(n_y), every(n_y)
         for number, unknown in enumerate(unknowns):
             weights[number, :, n_lam + unknown] = 1.0
-        arguments, results = (all_y, all_own, np.zeros(0), all_weights), (all_gradients, all_changes)
-        evaluate = self.along.bind(arguments, results, _threads_for(batches, self.lanes, threads), batches)
-        total = given[0].size // n_y
-        given_y, given_own, given_lam = (given[at].reshape(total, self.sizes[at])[:intervals] for at in (0, 1, 3))
-        gradient, hessian = found[0].reshape(total, n_y)[:intervals], found[1].reshape(total, len(rows))[:intervals]
+        inputs, outputs = (all_y, all_own, np.zeros(0), all_weights), (all_gradients, all_changes)
+        evaluate = self.along.bind(inputs, outputs, _threads_for(batches, self.lanes, threads), batches)
+        total = arguments[0].size // n_y
+        given_y, given_own, given_lam = (arguments[at].reshape(total, self.sizes[at])[:intervals] for at in (0, 1, 3))
+        gradient, hessian = results[0].reshape(total, n_y)[:intervals], results[1].reshape(total, len(rows))[:intervals]
 
         def call() -> None:
             y[:], own[:], weights[:, :, :n_lam] = given_y, given_own, given_lam
@@ -245,13 +249,13 @@ def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Ar
     """
     buffer, evaluate = function.buffer()
     sizes = [function.nnz_out(place) for place in range(function.n_out())]
-    found = [np.zeros(size) for size in sizes] if results is None else list(results)
+    outputs = [np.zeros(size) for size in sizes] if results is None else list(results)
     # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
     for place, array in enumerate(arguments):
         if array.size != function.nnz_in(place):
             raise SolverCrash(f"{function.name()}: argument {place} has another size")
         buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
-    for place, array in enumerate(found):
+    for place, array in enumerate(outputs):
         buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
 
     def call() -> None:
@@ -259,7 +263,7 @@ def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Ar
         if buffer.ret():
             raise SolverCrash(f"{function.name()} could not be evaluated")
 
-    return call, found
+    return call, outputs
 
 
 class Observations:

@@ -70,17 +70,17 @@ class ConstraintRows:
     @cached_property
     def component(self) -> Indices:
         """The place of what is limited within the quantities of its source, shape (n,)."""
-        return np.array([one.component for one in self.limits], dtype=np.int64)[self.number]
+        return np.array([limit.component for limit in self.limits], dtype=np.int64)[self.number]
 
     @cached_property
     def scale(self) -> Array:
         """The scale of what is limited (SI), shape (n,)."""
-        return np.array([one.quantity.scale for one in self.limits])[self.number]
+        return np.array([limit.quantity.scale for limit in self.limits])[self.number]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         """The lower and upper bounds (SI), each of shape (n,)."""
-        ends = np.array([(one.bounds.lower, one.bounds.upper) for one in self.limits]).reshape(-1, 2)[self.number]
+        ends = np.array([(limit.bounds.lower, limit.bounds.upper) for limit in self.limits]).reshape(-1, 2)[self.number]
         return ends[:, 0], ends[:, 1]
 
     @property
@@ -95,21 +95,24 @@ class ConstraintRows:
 
 def limits_on(quantities: Sequence[Quantity], ranges: Mapping[str, Interval]) -> list[LimitedQuantity]:
     """Return the limits on those of the quantities that have a bounded range."""
-    known = [LimitedQuantity(place, one, ranges.get(one.name, Interval())) for place, one in enumerate(quantities)]
-    return [one for one in known if one.bounds.constrained]
+    limits = [
+        LimitedQuantity(place, quantity, ranges.get(quantity.name, Interval()))
+        for place, quantity in enumerate(quantities)
+    ]
+    return [limit for limit in limits if limit.bounds.constrained]
 
 
 def rows_of(blocks: Sequence[RowBlock]) -> ConstraintRows:
     """Return the rows of all blocks, node by node; those of one node in the order of the blocks."""
     limits: list[LimitedQuantity] = []
     rows = [np.zeros((3, 0), dtype=np.int64)]
-    for block in (one for one in blocks if one.limits):
+    for block in (block for block in blocks if block.limits):
         count = len(block.limits)
         numbers = np.tile(len(limits) + np.arange(count), len(block.nodes))
         rows.append(np.stack([np.repeat(block.nodes, count), np.repeat(block.sources, count), numbers]))
         limits += block.limits
-    whole = np.concatenate(rows, axis=1)
-    node, source, number = np.ascontiguousarray(whole[:, np.argsort(whole[0], kind="stable")])
+    table = np.concatenate(rows, axis=1)
+    node, source, number = np.ascontiguousarray(table[:, np.argsort(table[0], kind="stable")])
     return ConstraintRows(node, source, number, limits)
 
 
@@ -147,8 +150,8 @@ def output_samples_of(
     values: list[tuple[float, ...]] = []
     offset = 0
     for node, boundary in zip(problem.first_node, problem.boundaries, strict=True):
-        if (seen := boundary.observation) is not None:
-            samples.append(OutputSample(node, boundary.name, seen, boundary.bounds, offset, jump_at.get(node)))
+        if (observation := boundary.observation) is not None:
+            samples.append(OutputSample(node, boundary.name, observation, boundary.bounds, offset, jump_at.get(node)))
             values.append(boundary.values)
             offset += len(boundary.values)
     for index, phase in enumerate(problem.phases):
@@ -156,9 +159,9 @@ def output_samples_of(
         before = problem.phases[index - 1].watches if index and start not in jump_at else ()
         for watch in phase.watches:
             # Where a watch goes on from the phase before, the node between the two has its rows already.
-            goes_on = any(watch.same_conditions(other) for other in before)
+            continues = any(watch.same_conditions(earlier) for earlier in before)
             name = f"{phase.name}, {watch.name}"
-            nodes = range(start + goes_on, end + 1)
+            nodes = range(start + continues, end + 1)
             if watch.at is not None:
                 nodes = (start + phase.nearest_node(watch.at),)
             for node in nodes:
@@ -253,17 +256,19 @@ class Layout:
         the phase that begins.
         """
         path, values = self.problem.system.path, self.problem.system.path_values
-        ranges = [{one.name: narrow_range(one, phase.bounds) for one in path} for phase in self.problem.phases]
+        ranges: list[dict[str, Interval]] = []
+        for phase in self.problem.phases:
+            ranges.append({quantity.name: narrow_range(quantity, phase.bounds) for quantity in path})
         blocks: list[RowBlock] = []
         for phase, (begin, end) in enumerate(itertools.pairwise(self.first_node.tolist())):
             meeting = phase > 0 and begin not in self.jump_at
             if meeting:
-                both = {name: one.intersect(ranges[phase][name]) for name, one in ranges[phase - 1].items()}
-                blocks.append(RowBlock(np.array([begin]), np.array([-1]), limits_on(path, both)))
+                common = {name: bounds.intersect(ranges[phase][name]) for name, bounds in ranges[phase - 1].items()}
+                blocks.append(RowBlock(np.array([begin]), np.array([-1]), limits_on(path, common)))
             nodes = np.array(range(begin + meeting, end), dtype=np.int64)
             blocks.append(RowBlock(nodes, np.full(len(nodes), -1), limits_on(path, ranges[phase])))
         with_control = () if values is None else values.jac_sparsity(0, 1).get_triplet()[0]
-        last = [one for one in limits_on(path, ranges[-1]) if one.component not in with_control]
+        last = [limit for limit in limits_on(path, ranges[-1]) if limit.component not in with_control]
         return [*blocks, RowBlock(self.first_node[-1:], np.array([-1]), last)]
 
     @cached_property
@@ -312,9 +317,9 @@ class Layout:
             "control": (self.n_u, self.intervals),
         }
         for name, shape in expected.items():  # numpy would silently repeat other arrays to these shapes
-            found = getattr(iterate, name).shape
-            if found != shape:
-                raise ValueError(f"the iterate's {name} has the shape {found}, the problem's {shape}")
+            actual = getattr(iterate, name).shape
+            if actual != shape:
+                raise ValueError(f"the iterate's {name} has the shape {actual}, the problem's {shape}")
         w = np.zeros(self.unknowns)
         w[self.state_index] = iterate.state.T
         w[self.control_index] = iterate.control.T
@@ -363,7 +368,7 @@ class Layout:
         """
         lower, upper = np.zeros(self.constraints), np.zeros(self.constraints)
         ends, states = self.gap_index[self.first_node[1:] - 1, :-1], self.problem.system.states
-        lower[ends] = upper[ends] = (self.problem.jumps / np.array([[one.scale] for one in states])).T
+        lower[ends] = upper[ends] = (self.problem.jumps / np.array([[quantity.scale] for quantity in states])).T
         rows_lower, rows_upper = self.rows.bounds
         lower[self.row_index], upper[self.row_index] = rows_lower / self.rows.scale, rows_upper / self.rows.scale
         return lower, upper

@@ -33,8 +33,11 @@ def divide(mesh: Sequence[Fractions], iterate: Iterate, replay: Replay | None, p
         The new mesh, and the iterate on it: the new nodes lie on the replayed flight, or without one straight between
         those that there were.
     """
-    counts = iter(parts.tolist())
-    finer = [tuple(fraction / n for fraction in phase for n in [next(counts)] for _ in range(n)) for phase in mesh]
+    ends = np.cumsum([0, *(len(phase) for phase in mesh)]).tolist()
+    finer: Mesh = []
+    for phase, (first, last) in zip(mesh, itertools.pairwise(ends), strict=True):
+        counts = parts[first:last]
+        finer.append(tuple(np.repeat(np.asarray(phase) / counts, counts).tolist()))
     parent = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[parent]
     if replay is None:
@@ -78,7 +81,7 @@ def resample(
     Args:
         mesh: fractions of every phase.
         iterate: on that mesh.
-        counts: wanted numbers of intervals.
+        counts: new numbers of intervals.
         jumps: of the states at the ends of the phases, as `Problem.jumps` has them; None for none.
 
     Returns:
@@ -108,11 +111,11 @@ def move_nodes(
     mesh: Sequence[Fractions],
     iterate: Iterate,
     nodes: Marks,
-    wanted: Sequence[Sequence[float]],
+    targets: Sequence[Sequence[float]],
     *,
     beside_ends: bool = False,
 ) -> tuple[Mesh, Iterate]:
-    """Move the nearest of some nodes to each of the places that are wanted; those between them move along.
+    """Move the nearest of some nodes to each of the target places; those between them move along.
 
     Nodes at the ends of phases stay, and none comes so near to the next one that it would nearly touch it.
 
@@ -120,7 +123,7 @@ def move_nodes(
         mesh: fractions of every phase.
         iterate: on that mesh.
         nodes: which nodes may be moved, shape (N + 1,); those between phases are among them.
-        wanted: places in every phase, as shares of its duration.
+        targets: places in every phase, as shares of its duration.
         beside_ends: whether a place next to the end of a phase takes the node beside that; else it takes the end.
 
     Returns:
@@ -128,28 +131,28 @@ def move_nodes(
     """
     first_node = np.cumsum([0, *(len(phase) for phase in mesh)])
     moved, state = list(mesh), iterate.state.copy()
-    for index, shares in enumerate(wanted):
+    for index, shares in enumerate(targets):
         first, last = first_node[index], first_node[index + 1]
         old = np.concatenate([[0.0], np.cumsum(mesh[index])])
         places = old[nodes[first : last + 1]]
-        targets = places.copy()
+        moved_places = places.copy()
         for share in shares:
             nearest = int(np.abs(places - share).argmin())
             if beside_ends and 0.0 < share < 1.0:
                 nearest = min(max(nearest, 1), len(places) - 2)
-            if 0 < nearest < len(places) - 1 and targets[nearest] == places[nearest]:
-                around = targets[nearest - 1 : nearest + 2 : 2]
+            if 0 < nearest < len(places) - 1 and moved_places[nearest] == places[nearest]:
+                around = moved_places[nearest - 1 : nearest + 2 : 2]
                 apart = LEAST_SHARE * np.diff(places[nearest - 1 : nearest + 2])
-                targets[nearest] = min(max(share, around[0] + apart[0]), around[1] - apart[1])
-        if (targets != places).any():
-            new: Array = np.interp(old, places, targets)
+                moved_places[nearest] = min(max(share, around[0] + apart[0]), around[1] - apart[1])
+        if (moved_places != places).any():
+            new: Array = np.interp(old, places, moved_places)
             moved[index] = tuple(np.diff(new).tolist())
             state[:, first : last + 1] = [np.interp(new, old, row) for row in iterate.state[:, first : last + 1]]
     return moved, Iterate(iterate.durations, state, iterate.control)
 
 
 def inherited_nodes(parts: Indices) -> Marks:
-    """Tell which nodes of a mesh that was divided into these parts were nodes before; shape (parts.sum() + 1,)."""
+    """Mark the nodes of a divided mesh that were nodes before; shape (parts.sum() + 1,)."""
     inherited = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
     inherited[np.concatenate([[0], np.cumsum(parts)])] = True
     return inherited
@@ -187,27 +190,29 @@ Limits = Mapping[tuple[Extent, str], LimitPlaces]
 """All limits of a problem, by their extents and names."""
 
 
-def transfer_multipliers(multipliers: Multipliers, there: Layout, here: Layout) -> Multipliers:
+def transfer_multipliers(multipliers: Multipliers, source_layout: Layout, target_layout: Layout) -> Multipliers:
     """Return the multipliers for another problem with as many phases.
 
     Args:
         multipliers: of a solved problem.
-        there: its layout.
-        here: the layout of the problem that they are wanted for. Limits that the other one does not have get zero.
+        source_layout: its layout.
+        target_layout: of the other problem. Limits that the solved problem does not have get zero.
     """
-    known = np.concatenate([multipliers.constraints, multipliers.bounds])
-    wanted = np.zeros(here.constraints + here.unknowns)
-    before = limits_of(there)
-    for (extent, name), limit in limits_of(here).items():
-        if source := before.get((extent, name)):
-            density = known[source.places] / source.weights
+    source_values = np.concatenate([multipliers.constraints, multipliers.bounds])
+    target_values = np.zeros(target_layout.constraints + target_layout.unknowns)
+    source_limits = limits_of(source_layout)
+    for (extent, name), target_limit in limits_of(target_layout).items():
+        if source_limit := source_limits.get((extent, name)):
+            density = source_values[source_limit.places] / source_limit.weights
             if extent == "one node":  # which may be another one
-                same = len(limit.places) == len(source.places)
-                wanted[limit.places] = limit.weights * density if same else 0.0
+                same = len(target_limit.places) == len(source_limit.places)
+                target_values[target_limit.places] = target_limit.weights * density if same else 0.0
             else:
                 at = _same if extent in ("end", "duration") else _interpolate
-                wanted[limit.places] = limit.weights * at(limit.along, source.along, density)
-    return Multipliers(wanted[: here.constraints], wanted[here.constraints :])
+                target_values[target_limit.places] = target_limit.weights * at(
+                    target_limit.along, source_limit.along, density
+                )
+    return Multipliers(target_values[: target_layout.constraints], target_values[target_layout.constraints :])
 
 
 def limits_of(layout: Layout) -> Limits:
@@ -220,20 +225,20 @@ def limits_of(layout: Layout) -> Limits:
     along[layout.first_node] = np.arange(len(layout.first_node))  # exact where phases meet
     limits: dict[tuple[Extent, str], LimitPlaces] = {}
     rows = layout.rows
-    sources, source = _number([*(one.name for one in layout.output_samples), "path"])  # the path is the last: -1
-    names, name = _number([one.quantity.name for one in rows.limits])
+    sources, source = _number([*(sample.name for sample in layout.output_samples), "path"])  # the path is the last: -1
+    names, name = _number([limit.quantity.name for limit in rows.limits])
     number = (source[rows.source] * len(names) + name[rows.number]) * 2 + at_end[rows.node]
     order = np.argsort(number, kind="stable")  # rows are in the order of their nodes
     weight = stretch[rows.node] * rows.scale
-    alone = {
-        f"{phase.name}, {one.name}" for phase in layout.problem.phases for one in phase.watches if one.at is not None
-    }
+    single_node_names: set[str] = set()
+    for phase in layout.problem.phases:
+        single_node_names.update(f"{phase.name}, {watch.name}" for watch in phase.watches if watch.at is not None)
     for members in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else ():
         which, end = divmod(int(number[members[0]]), 2)
         sampled = sources[which // len(names)]
         key = f"{sampled}: {names[which % len(names)]}"
         limit = LimitPlaces(layout.row_index[members], along[rows.node[members]], weight[members])
-        if sampled in alone:
+        if sampled in single_node_names:
             limits["one node", key] = replace(limit, weights=rows.scale[members])
         else:
             limits["end" if end else "node", key] = limit
@@ -268,6 +273,6 @@ def _interpolate(along: Array, known_along: Array, density: Array) -> Array:
     result = np.zeros(len(along))
     phases, known_phases = np.floor(along), np.floor(known_along)
     for phase in np.intersect1d(phases, known_phases):
-        here, there = phases == phase, known_phases == phase
-        result[here] = np.interp(along[here], known_along[there], density[there])
+        inside, known_inside = phases == phase, known_phases == phase
+        result[inside] = np.interp(along[inside], known_along[known_inside], density[known_inside])
     return result

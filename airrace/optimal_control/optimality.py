@@ -109,9 +109,9 @@ def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Arra
     slopes = at_points(
         system.rates, problem.states_before_jump(iterate.state), iterate.control, np.asarray(problem.parameters)
     )
-    both = (*system.states, *system.controls)
-    scale = np.array([quantity.scale for quantity in both])[:, None]
-    weight = np.array([problem.objective.regularisation.get(quantity.name, 0.0) for quantity in both])
+    quantities = (*system.states, *system.controls)
+    scale = np.array([quantity.scale for quantity in quantities])[:, None]
+    weight = np.array([problem.objective.regularisation.get(quantity.name, 0.0) for quantity in quantities])
     values = np.vstack([problem.states_before_jump(iterate.state), iterate.control])
     regularisation = weight @ (values / scale) ** 2
     return np.sum(costates(Layout(problem), constraint_multipliers) * slopes, axis=0) + regularisation

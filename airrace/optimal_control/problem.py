@@ -1,4 +1,4 @@
-"""The problem language: it says what is to be optimised, and nothing about how.
+"""The problem language: what is to be optimised, and nothing about how.
 
 A problem is a `System` in phases. Each phase has a mesh, limits along its path, a range for its duration and
 conditions at its end; the first also has conditions at its start. States are continuous from phase to phase, unless a
@@ -69,11 +69,13 @@ class PathConstraint:
     exact: Observation | None = None
     at: float | None = None
 
-    def same_conditions(self, other: "PathConstraint") -> bool:
-        """Return whether two watches ask for the very same."""
-        alike = self.observation is other.observation and self.exact is other.exact
-        alike = alike and self.at is None and other.at is None
-        return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
+    def same_conditions(self, watch: "PathConstraint") -> bool:
+        """Return whether another watch along its whole phase asks for the same."""
+        if self.observation is not watch.observation or self.exact is not watch.exact:
+            return False
+        if self.at is not None or watch.at is not None:
+            return False
+        return self.values == watch.values and dict(self.bounds) == dict(watch.bounds)
 
 
 @dataclass(frozen=True)
@@ -107,20 +109,20 @@ class Phase:
         return int(np.argmax(apart <= apart.min() + WHOLE))
 
     def without_watches_at(self, node: int) -> Self:
-        """Return the phase without what is asked for at one node of it alone: where its state is known."""
-        others = (one for one in self.watches if one.at is None or self.nearest_node(one.at) != node)
-        return replace(self, watches=tuple(others))
+        """Return the phase without the watches at one node alone, where the state is known already."""
+        watches = (watch for watch in self.watches if watch.at is None or self.nearest_node(watch.at) != node)
+        return replace(self, watches=tuple(watches))
 
     def part(self, intervals: slice) -> Self:
         """Return some successive intervals as a phase of their own, with what is asked for at one node of them."""
         fractions = np.array(self.fractions)
-        before, whole = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
+        before, length = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
         watches: list[PathConstraint] = []
-        for one in self.watches:
-            at = one.at if one.at is None else (one.at - before) / whole
+        for watch in self.watches:
+            at = watch.at if watch.at is None else (watch.at - before) / length
             if at is None or -WHOLE <= at <= 1.0 + WHOLE:
-                watches.append(one if at is None else replace(one, at=min(max(at, 0.0), 1.0)))
-        return replace(self, fractions=tuple((fractions[intervals] / whole).tolist()), watches=tuple(watches))
+                watches.append(watch if at is None else replace(watch, at=min(max(at, 0.0), 1.0)))
+        return replace(self, fractions=tuple((fractions[intervals] / length).tolist()), watches=tuple(watches))
 
 
 @dataclass(frozen=True)
@@ -192,9 +194,10 @@ class Problem:
     def jumps(self) -> Array:
         """The changes of every state at the end of every phase; shape (n_x, n)."""
         names = [quantity.name for quantity in self.system.states]
-        return np.array([[phase.jump.get(name, 0.0) for phase in self.phases] for name in names]).reshape(
-            len(names), len(self.phases)
-        )
+        jumps = np.zeros((len(names), len(self.phases)))
+        for column, phase in enumerate(self.phases):
+            jumps[:, column] = [phase.jump.get(name, 0.0) for name in names]
+        return jumps
 
     def states_before_jump(self, state: Array) -> Array:
         """Return the states in which the intervals end, before any jump; shape (n_x, N).
@@ -221,8 +224,12 @@ class Problem:
     def observations(self) -> list[Observation]:
         """All observations, each once."""
         watches = [watch for phase in self.phases for watch in phase.watches]
-        seen = [one.observation for one in (*self.boundaries, *watches, self.objective) if one.observation is not None]
-        return list({id(one): one for one in seen}.values())
+        observations = [
+            observer.observation
+            for observer in (*self.boundaries, *watches, self.objective)
+            if observer.observation is not None
+        ]
+        return list({id(observation): observation for observation in observations}.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,12 +278,12 @@ def interpolate(problem: Problem, durations: ArrayLike, state: ArrayLike, contro
             columns[-1][:, -1:] = begin
         else:
             begin = end
-    held = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
-    return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), held)
+    controls = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
+    return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), controls)
 
 
 def require_valid(problem: Problem) -> None:
-    """Refuse a problem that would silently mean something else than it says.
+    """Refuse an inconsistent problem.
 
     Raises:
         ValueError: a name is misspelt or means two things, numbers are missing or too many, the fractions of a phase
@@ -285,7 +292,7 @@ def require_valid(problem: Problem) -> None:
     if not problem.phases:
         raise ValueError("the problem has no phases")
     system = problem.system
-    counts = Counter(one.name for one in (*system.states, *system.controls, *system.path))
+    counts = Counter(quantity.name for quantity in (*system.states, *system.controls, *system.path))
     if twice := [name for name, count in counts.items() if count > 1]:
         raise ValueError(f"system {system.name!r} declares twice: {', '.join(sorted(twice))}")
     _require_count(f"system {system.name!r}", system.parameters, problem.parameters)
@@ -298,14 +305,14 @@ def require_valid(problem: Problem) -> None:
 
 
 def _check_objective(system: System, objective: Objective) -> None:
-    seen = objective.observation.quantities if objective.observation is not None else ()
-    _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *seen))
-    if both := {one.name for one in system.states} & {one.name for one in seen}:
-        raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(both))}")
+    observed = objective.observation.quantities if objective.observation is not None else ()
+    _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *observed))
+    if ambiguous := {quantity.name for quantity in system.states} & {quantity.name for quantity in observed}:
+        raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(ambiguous))}")
     parameters = objective.observation.parameters if objective.observation is not None else ()
     _require_count("the objective", parameters, objective.values)
-    both = (*system.states, *system.controls)
-    _require_known("the objective regularises unknown states or controls", objective.regularisation, both)
+    regularisable = (*system.states, *system.controls)
+    _require_known("the objective regularises unknown states or controls", objective.regularisation, regularisable)
     for name, weight in {"time": objective.time, **objective.terminal, **objective.regularisation}.items():
         if not math.isfinite(weight):
             raise ValueError(f"the objective weighs {name} by {weight}")
@@ -319,7 +326,7 @@ def _check_phase(system: System, phase: Phase) -> None:
         raise ValueError(
             f"the duration of phase {phase.name!r} is {phase.duration!r}; give its range in s as Interval(0.01, 5.0)"
         )
-    # Comparisons with NaN are false, so everything is asked the way in which NaN fails.
+    # Comparisons with NaN are false, so conditions are stated so that NaN fails.
     if not all(fraction > 0.0 for fraction in phase.fractions) or not abs(sum(phase.fractions) - 1.0) <= WHOLE:
         raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")
     if not phase.duration.lower >= 0.0:
@@ -338,15 +345,15 @@ def _check_phase(system: System, phase: Phase) -> None:
 
 
 def _check_conditions(kind: str, place: Boundary | PathConstraint, states: tuple[Quantity, ...]) -> None:
-    seen, parameters = (), ()
+    observed, parameters = (), ()
     if place.observation is not None:
-        seen, parameters = place.observation.quantities, place.observation.parameters
-    _require_known(f"{kind} {place.name!r} bounds unknown quantities", place.bounds, (*states, *seen))
+        observed, parameters = place.observation.quantities, place.observation.parameters
+    _require_known(f"{kind} {place.name!r} bounds unknown quantities", place.bounds, (*states, *observed))
     _require_count(f"{kind} {place.name!r}", parameters, place.values)
 
 
 def _require_known(complaint: str, names: Mapping[str, Any], declared: Iterable[Quantity]) -> None:  # Any: values
-    """Refuse names that nothing was declared under."""
+    """Refuse undeclared names."""
     if unknown := names.keys() - {quantity.name for quantity in declared}:
         raise ValueError(f"{complaint}: {', '.join(sorted(unknown))}")
 

@@ -73,8 +73,8 @@ class Interval:
         ends = cls.between(lower, upper)
         return cls(math.radians(ends.lower), math.radians(ends.upper))
 
-    def intersect(self, other: "Interval") -> "Interval":
-        return Interval(max(self.lower, other.lower), min(self.upper, other.upper))
+    def intersect(self, interval: "Interval") -> "Interval":
+        return Interval(max(self.lower, interval.lower), min(self.upper, interval.upper))
 
     @property
     def constrained(self) -> bool:

@@ -134,7 +134,7 @@ class ReplaySettings:
             shuttle's 120 intervals end within 5e-8 of where a tolerance of 1e-11 leads, which is 5 mm at a scale of
             100 km; 1e-6 leaves eight times as much and takes little less time.
         steps_max: that an interval may take, where those of all shipped courses take up to 5. What needs more is no
-            flight, but a number that somebody has put into a file.
+            flight, but a number from a file that was edited.
         shorter: the number of steps that replace one when the shooting scheme estimates its own defect. On the same
             optima the estimate is right within 0.1 % of the largest defect; with two steps within 2.5 %.
         agreement: the largest difference between a sample and the same in half as many steps. Its own error is then a
@@ -178,14 +178,14 @@ def function_at_points(function: ca.Function, control: Array, p: Array) -> Calla
     Raises:
         ValueError: on a call, if the states are not those of as many points as the controls.
     """
-    parameters, whole = np.ascontiguousarray(p, dtype=np.float64), dense(function)
+    parameters, dense_function = np.ascontiguousarray(p, dtype=np.float64), dense(function)
     native = interpreter()
     if native is not None:
         try:
-            return native.at_points(whole, control, parameters)
+            return native.at_points(dense_function, control, parameters)
         except KernelError as error:
             logger.info("casadi evaluates %s: %s", function.name(), error)
-    return lambda states: at_points(whole, states, control, parameters)
+    return lambda states: at_points(dense_function, states, control, parameters)
 
 
 def interval_durations(problem: Problem, durations: Array) -> Array:
@@ -212,9 +212,9 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     state = scaled * scale[:, :, None]
     if system.path_values is None:
         return Replay(state, np.zeros((0, intervals, SAMPLES + 1)), defect)
-    held = np.repeat(iterate.control, SAMPLES + 1, axis=1)
-    values = function_at_points(system.path_values, held, np.asarray(problem.parameters))(
-        state.reshape(len(scale), held.shape[1])
+    control = np.repeat(iterate.control, SAMPLES + 1, axis=1)
+    values = function_at_points(system.path_values, control, np.asarray(problem.parameters))(
+        state.reshape(len(scale), control.shape[1])
     )
     return Replay(state, values.reshape(len(system.path), intervals, SAMPLES + 1), defect)
 
@@ -320,11 +320,11 @@ def sample(system: System, parameters: Array, iterate: Iterate, *, time: Array, 
     start, control, lengths = iterate.state[:, interval], iterate.control[:, interval], times - time[interval]
     scale = np.array([quantity.scale for quantity in system.states])[:, None]
 
-    def advance(wanted: Indices, steps: int) -> Array:
-        rates = function_at_points(system.rates, control[:, wanted], parameters)
+    def advance(intervals: Indices, steps: int) -> Array:
+        rates = function_at_points(system.rates, control[:, intervals], parameters)
         scheme = dataclasses.replace(VERNER_7, steps=steps)
         with np.errstate(over="ignore", invalid="ignore"):  # of flights that are none
-            return scheme.advance(lambda x, _, __: rates(x), start[:, wanted], None, None, lengths[wanted])
+            return scheme.advance(lambda x, _, __: rates(x), start[:, intervals], None, None, lengths[intervals])
 
     apart, steps = np.arange(len(times)), 1
     samples = advance(apart, steps)

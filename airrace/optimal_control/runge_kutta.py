@@ -152,7 +152,7 @@ def _derivatives(name: str, arguments: list[ca.SX], z: ca.SX, values: ca.SX) -> 
     upper = ca.triu(ca.hessian(ca.dot(lam, values), z)[0])
     curved = _pattern(upper.sparsity())
     columns = [jacobian[:, place] for place in range(z.numel())]
-    untouched = [one.sparsity().row() == [place] and one.nz[0].is_one() for place, one in enumerate(columns)]
+    untouched = [column.sparsity().row() == [place] and column.nz[0].is_one() for place, column in enumerate(columns)]
     return Derivatives(
         linear=ca.Function(f"{name}_linear", arguments, [ca.densify(values), jacobian], {"cse": True}),
         curved=ca.Function(f"{name}_curved", [*arguments, lam], [upper], {"cse": True}),
@@ -192,8 +192,8 @@ class StepParts:
     @property
     def generated(self) -> list[ca.Function]:
         """The derivatives, each by its own name."""
-        derived = [one for one in (self.rates, self.projection) if one is not None]
-        return [function for one in derived for function in (one.linear, one.curved)]
+        parts = [part for part in (self.rates, self.projection) if part is not None]
+        return [function for part in parts for function in (part.linear, part.curved)]
 
 
 def step_parts(system: System, scheme: RungeKutta) -> StepParts:
@@ -250,7 +250,7 @@ def step_tables(parts: StepParts) -> list[Table]:
     place = {entry: number for number, entry in enumerate(active)}
     acting = np.flatnonzero(np.any(rates.jacobian[:, : len(system.states)], axis=0)).tolist()
     n_y = len(system.states) + len(system.controls) + 1
-    derived = [one for one in (rates, parts.projection) if one is not None]
+    smooth_parts = [part for part in (rates, parts.projection) if part is not None]
     sizes = [
         len(system.states),
         len(system.controls),
@@ -264,7 +264,7 @@ def step_tables(parts: StepParts) -> list[Table]:
         parts.jacobian.nnz(),
         parts.hessian.nnz(),
         rates.linear.nnz_out(1),
-        max(count for one in derived for count in (one.linear.nnz_out(1), one.curved.nnz_out(0))),
+        max(max(part.linear.nnz_out(1), part.curved.nnz_out(0)) for part in smooth_parts),
     ]
     return [
         sizes,
@@ -286,7 +286,7 @@ def scheme_numbers(scheme: RungeKutta) -> list[float]:
 def _derivative_tables(part: Derivatives | None, sensitivity: Pattern) -> list[Table]:
     """Return the tables of a function's Jacobian and Hessian.
 
-    They tell which arguments are curved and, by column of y, which of those depend on it.
+    Among them are the curved arguments and, by column of y, those that depend on it.
     """
     if part is None:
         return [*_row_compressed(0, []), [], *_row_compressed(0, []), *_row_compressed(0, [])]
@@ -319,9 +319,9 @@ def _nonzeros(sparsity: ca.Sparsity) -> list[tuple[int, int]]:
 
 def _pattern(sparsity: ca.Sparsity) -> Pattern:
     """Return where the nonzeros are, as a boolean matrix of the same shape."""
-    found = np.zeros(sparsity.shape, dtype=bool)
-    found[sparsity.get_triplet()] = True
-    return found
+    pattern = np.zeros(sparsity.shape, dtype=bool)
+    pattern[sparsity.get_triplet()] = True
+    return pattern
 
 
 def _sparsity(pattern: Pattern) -> ca.Sparsity:

@@ -7,13 +7,13 @@ the objective regularises is part of it.
 
 Curvature is `d' H d / d' W d` in scaled unknowns, with the share of the whole duration that each stage stands for on
 W's diagonal: what a change of one scale in the mean square costs, on every mesh alike. The least one exceeds a number s
-if and only if `H - s W` is positive definite on these directions, which a Riccati recursion tells, from the last stage
+if and only if `H - s W` is positive definite on these directions, which a Riccati recursion finds from the last stage
 to the first. At stage k, with z = (x, u), gaps `x_next = F z` and rows `C z = 0` of limits, what follows costs
 `x' P x` and exists where `A x = 0`:
 
     M = H - s W + F' P F,   D = (C; A F)
 
-The singular values of D's part in u tell which rows some u can keep. These are solved for u exactly, and what is left
+The singular values of D's part in u show which rows some u can keep. These are solved for u exactly, and what is left
 of D binds x alone: it is handed on to the stage before [Vanroye et al. 2023]. The u that are still free are eliminated
 by Cholesky's method, whose first pivot that is not positive gives a direction of that little curvature from that stage
 on. There is no division by any other pivot, so errors are those of Cholesky's method. Costs are linear in the number of
@@ -40,44 +40,36 @@ from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.trajectory import Array, Indices
 
+# The tolerances of curvature, all for scaled unknowns.
 
-@dataclass(frozen=True)
-class CurvatureTolerances:
-    """The numbers by which curvature is judged, for scaled unknowns.
+ZERO_CURVATURE = 1e-4
+"""The curvature that counts as zero, in the objective's unit for a change of one scale in the mean square.
 
-    Attributes:
-        zero: the curvature that counts as zero, in the objective's unit for a change of one scale in the mean
-            square. It is relaxed with the size of the multipliers, as the KKT error is. A change that large
-            then costs less than 5e-5 s, a hundredth of the 5 ms to which race times are certified.
-        gain_min: the least gain, in the objective's unit, by a change of one scale along a direction of negative
-            curvature that tells a saddle: a fiftieth of 5 ms. On three generated courses directions of 1 to 16
-            stages, a tenth of a second at most, had a curvature of -0.010 to -0.012 and gained 4e-7 to 3e-5 s; the
-            solver returned from steps along them to where it had been.
-        spikes_max: how many directions of less gain are passed over in the search for one that tells a saddle.
-        spike: the part of a direction's largest change from which on a stage belongs to it (1).
-        rank: the size of what is left of a row of length 1 below which it depends on others, or no u can keep
-            it (1).
-        stiff: the cost of a change of the states by 1 from which on they are held, in the objective's unit. Of
-            costs from 1e9 on, rounding alone exceeds what a change at a single stage costs; and to hold what
-            costs 1e6 changes the curvature of nothing else by more than a millionth of the square of its slope.
-        weakly_active_ratio: the ratio of multiplier and slack, or of slack and multiplier, below which a limit
-            is weakly active (1).
-        resolution: the size of multipliers and slacks, scaled, below which nothing is known of them: as solvers
-            leave them (1).
-    """
+It is relaxed with the size of the multipliers, as the KKT error is. A change that large then costs less than 5e-5 s, a
+hundredth of the 5 ms to which race times are certified.
+"""
+GAIN_MIN = 1e-4
+"""The least gain of a saddle by a change of one scale along its direction, in the objective's unit: a fiftieth of 5 ms.
 
-    zero: float = 1e-4
-    gain_min: float = 1e-4
-    spikes_max: int = 20
-    spike: float = 0.1
-    rank: float = 1e-6
-    stiff: float = 1e6
-    weakly_active_ratio: float = 100.0
-    resolution: float = 1e-8
+On three generated courses directions of 1 to 16 stages, a tenth of a second at most, had a curvature of -0.010 to
+-0.012 and gained 4e-7 to 3e-5 s; the solver returned from steps along them to where it had been.
+"""
+SPIKES_MAX = 20
+"""The number of directions of less gain that are passed over in the search for a saddle's."""
+SPIKE = 0.1
+"""The part of a direction's largest change from which on a stage belongs to it (1)."""
+RANK = 1e-6
+"""The size of what is left of a row of length 1 below which it depends on others, or no u can keep it (1)."""
+STIFF = 1e6
+"""The cost of a change of the states by 1 from which on they are fixed, in the objective's unit.
 
-
-TOLERANCES = CurvatureTolerances()
-
+Of costs from 1e9 on, rounding alone exceeds what a change at a single stage costs; and to fix what costs 1e6 changes
+the curvature of nothing else by more than a millionth of the square of its slope.
+"""
+WEAKLY_ACTIVE_RATIO = 100.0
+"""The ratio of multiplier and slack, or of slack and multiplier, below which a limit is weakly active (1)."""
+RESOLUTION = 1e-8
+"""The size of multipliers and slacks, scaled, to which solvers resolve them (1)."""
 
 Number = TypeVar("Number", np.float64, np.bool_)
 
@@ -101,7 +93,7 @@ def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Arra
     A limit is an equality where its scaled multiplier exceeds its scaled slack. An interior point method leaves
     a product of both that is the same everywhere; where the exact multiplier is zero it leaves a multiplier above the
     slack only if the curvature across the limit exceeds 1, so that nothing negative is hidden by keeping it. Where it
-    left one that is smaller than the slack, the exact one may be above zero none the less: negative curvature tells a
+    left one that is smaller than the slack, the exact one may be above zero none the less: negative curvature makes a
     saddle only where it is left with all weakly active limits as equalities.
 
     Args:
@@ -130,23 +122,19 @@ def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Arra
     slack = np.maximum(np.where(pressure > 0.0, upper - values, values - lower), 0.0)
     size, equal = np.abs(pressure), lower == upper
     active = ~equal & (size > slack)
-    vague = size + TOLERANCES.resolution, slack + TOLERANCES.resolution
-    weak = (
-        ~equal
-        & (vague[0] < TOLERANCES.weakly_active_ratio * vague[1])
-        & (vague[1] < TOLERANCES.weakly_active_ratio * vague[0])
-    )
+    vague = size + RESOLUTION, slack + RESOLUTION
+    weak = ~equal & (vague[0] < WEAKLY_ACTIVE_RATIO * vague[1]) & (vague[1] < WEAKLY_ACTIVE_RATIO * vague[0])
     form = StageQuadratic.of(matrices, equal | active, _shares(layout, w))
     largest = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean()))
-    threshold = TOLERANCES.zero * largest / MULTIPLIER_SCALE
+    threshold = ZERO_CURVATURE * largest / MULTIPLIER_SCALE
     saddle = SADDLE * threshold
     direction, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
     if direction is not None:
         curvature = Curvature.SINGULAR
         least = min(form.curvature(direction), threshold)  # however the direction is rounded
-        less = direction_below(form, -saddle)
-        if less is not None:
-            direction, least = less, min(form.curvature(less), -saddle)
+        below = direction_below(form, -saddle)
+        if below is not None:
+            direction, least = below, min(form.curvature(below), -saddle)
             negative = descent_direction(replace(form, active=equal | active | weak), saddle)
             if negative is not None:
                 curvature, direction, least = Curvature.INDEFINITE, negative, form.curvature(negative)
@@ -169,18 +157,16 @@ def _shares(layout: Layout, w: Array) -> Array:
     """Return the share of the whole duration that each stage stands for, the last one as long as the one before it."""
     index = layout.duration_index[:-1]
     durations = np.maximum(w[index] * layout.scale[index] * layout.fractions, 0.0)
-    whole = float(durations.sum())
-    shares = durations / whole if whole > 0.0 else np.full(len(durations), 1.0 / len(durations))
+    total = float(durations.sum())
+    shares = durations / total if total > 0.0 else np.full(len(durations), 1.0 / len(durations))
     return np.append(shares, shares[-1])
 
 
 def _place(layout: Layout, direction: Array) -> tuple[str, str]:
     """Return the phase in which a direction begins, and what it changes most, for people."""
     system = layout.problem.system
-    states, controls = (
-        [quantity.text or quantity.name for quantity in part] for part in (system.states, system.controls)
-    )
-    names = [*states, "duration", *controls, "next duration"]
+    texts = [quantity.text or quantity.name for quantity in (*system.states, *system.controls)]
+    names = [*texts[: len(system.states)], "duration", *texts[len(system.states) :], "next duration"]
     stage_of, most = layout.stage_of_unknown, int(np.abs(direction).argmax())
     begin = int(np.min(stage_of[direction != 0.0]))
     place = int(np.sum(stage_of[:most] == stage_of[most]))
@@ -260,18 +246,18 @@ def direction_below(form: StageQuadratic, shift: float) -> Array | None:
 
 
 def descent_direction(form: StageQuadratic, saddle: float) -> Array | None:
-    """Return a direction of less curvature than `-saddle` that gains enough to tell a saddle; None where none does.
+    """Return a direction of less curvature than `-saddle` that gains enough for a saddle; None where none does.
 
     One that gains too little is made to count for more, so that the others are seen.
     """
-    for _ in range(TOLERANCES.spikes_max):
+    for _ in range(SPIKES_MAX):
         direction = direction_below(form, -saddle)
         if direction is None or not form.curvature(direction) < -saddle:  # a saddle only where it is measured
             return None
         direction = direction / np.abs(direction).max()
-        if form.gain(direction) > TOLERANCES.gain_min:
+        if form.gain(direction) > GAIN_MIN:
             return direction
-        inside = [bool((np.abs(z) > TOLERANCES.spike).any()) for z in _blocks(direction, form.sizes)]
+        inside = [bool((np.abs(z) > SPIKE).any()) for z in _blocks(direction, form.sizes)]
         form = replace(form, weights=np.where(inside, 4.0 * form.weights, form.weights))
     return None
 
@@ -316,7 +302,7 @@ def _recursion(form: StageQuadratic, shift: float) -> _StartOfDirection | None:
     counts = form.row_counts.astype(np.int64)
     of_rows, of_unknowns = np.split(form.active, [len(form.active) - int(sizes.sum())])
     hessians, steps = form.hessians, form.steps
-    rows, active, held = _blocks(form.rows, counts * sizes), _blocks(of_rows, counts), _blocks(of_unknowns, sizes)
+    rows, active, fixed = _blocks(form.rows, counts * sizes), _blocks(of_rows, counts), _blocks(of_unknowns, sizes)
     costs: Array = np.zeros((m, m))
     ahead: Array = np.zeros((0, m))
     gains: list[Array] = []  # the last stage first
@@ -324,7 +310,7 @@ def _recursion(form: StageQuadratic, shift: float) -> _StartOfDirection | None:
         n = int(sizes[k])
         ends: Array = steps[k] if k < len(steps) else np.zeros((m, n))
         own = rows[k].reshape(-1, n)[active[k]]
-        T, ahead = _eliminate(np.concatenate([own, ahead @ ends]), held[k], m)
+        T, ahead = _eliminate(np.concatenate([own, ahead @ ends]), fixed[k], m)
         F: Array = ends @ T
         M: Array = T.T @ hessians[k] @ T - shift * form.weights[k] * (T.T @ T) + F.T @ costs @ F
         costs, free = M[:m, :m], M[m:, m:]
@@ -349,7 +335,7 @@ def _blocks(values: NDArray[Number], sizes: Indices | NDArray[np.int32]) -> list
     return [values[begin:end] for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Array]:
+def _eliminate(rows: Array, fixed: NDArray[np.bool_], m: int) -> tuple[Array, Array]:
     """Solve the rows of a stage for its controls.
 
     Args:
@@ -360,17 +346,17 @@ def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Arr
     Returns:
         T of `z = T (x, v)` with free v, and rows that bind x, which are handed on to the stage before.
     """
-    free, n = m + np.flatnonzero(~held[m:]), len(held)
+    free, n = m + np.flatnonzero(~fixed[m:]), len(fixed)
     states = np.eye(m)
-    bound = states[held[:m]]
+    bound = states[fixed[:m]]
     T = np.zeros((n, m + len(free)))
-    T[:m, :m] = np.diag(~held[:m])
+    T[:m, :m] = np.diag(~fixed[:m])
     if len(rows) == 0:
         T[free, m + np.arange(len(free))] = 1.0
         return T, bound
-    D = _row_space(np.concatenate([rows[:, :m] * ~held[:m], rows[:, free]], axis=1))
+    D = _row_space(np.concatenate([rows[:, :m] * ~fixed[:m], rows[:, free]], axis=1))
     U, S, Vt = np.linalg.svd(D[:, m:], full_matrices=True)
-    rank = int((TOLERANCES.rank < S).sum())
+    rank = int((RANK < S).sum())
     on_states = U.T @ D[:, :m]  # its rows are orthogonal, so the solved ones leave what others bind alone
     T[free, :m] = -Vt[:rank].T @ (on_states[:rank] / S[:rank, None])
     T[free, m : m + len(free) - rank] = Vt[rank:].T
@@ -382,7 +368,7 @@ def _hold_stiff(costs: Array, ahead: Array) -> tuple[Array, Array]:
     be zero, as rows that are handed on."""
     for _ in costs:
         most = int(costs.diagonal().argmax())
-        if not costs[most, most] > TOLERANCES.stiff:
+        if not costs[most, most] > STIFF:
             break
         change = costs[most] / np.sqrt(costs[most, most])
         costs = costs - np.outer(change, change)
@@ -391,20 +377,20 @@ def _hold_stiff(costs: Array, ahead: Array) -> tuple[Array, Array]:
 
 
 def _row_space(rows: Array) -> Array:
-    """Return orthonormal rows that span the same; what is left of a row below `TOLERANCES.rank` of it is left out."""
+    """Return orthonormal rows that span the same; what is left of a row below `RANK` of it is left out."""
     lengths = np.sqrt((rows * rows).sum(axis=1))
-    independent = lengths > TOLERANCES.rank
+    independent = lengths > RANK
     rows = rows[independent] / lengths[independent, None]
     if len(rows) < 2:
         return rows
     _, S, Vt = np.linalg.svd(rows, full_matrices=False)
-    return Vt[: int((TOLERANCES.rank < S).sum())]
+    return Vt[: int((RANK < S).sum())]
 
 
 def _null_space(rows: Array) -> Array:
     """Return an orthonormal basis of the null space of rows of length 1, as columns."""
     _, S, Vt = np.linalg.svd(rows, full_matrices=True)
-    return Vt[int((TOLERANCES.rank < S).sum()) :].T
+    return Vt[int((RANK < S).sum()) :].T
 
 
 def _cholesky(matrix: Array) -> Array | None:

@@ -50,7 +50,7 @@ def solve(
         ValueError: the problem does not say what it seems to say, see `require_valid`, or the guess has other shapes.
         SolverCrash: the solver process died, or could not work on the problem.
     """
-    Layout(problem).pack(guess)  # refuses a guess of other shapes here, where the traceback leads to who made it
+    Layout(problem).pack(guess)  # refuses a guess of other shapes here, where the traceback leads to the caller
     started, reports = time.perf_counter(), list[IterationReport]()
     with _LOCK:
         try:

@@ -19,8 +19,8 @@ from airrace.optimal_control.trajectory import Array, Indices
 
 def unique_rows(keys: Indices) -> tuple[Indices, Indices]:
     """Return which rows of an array (n, m) are equal: the kind of each row, and the first row of each kind."""
-    whole = np.ascontiguousarray(keys, dtype=np.int64)
-    rows = whole.view(np.dtype((np.void, whole.itemsize * whole.shape[1]))).ravel()
+    table = np.ascontiguousarray(keys, dtype=np.int64)
+    rows = table.view(np.dtype((np.void, table.itemsize * table.shape[1]))).ravel()
     _, first, kind = np.unique(rows, return_index=True, return_inverse=True)
     return kind, first
 
@@ -126,7 +126,7 @@ class COOBuilder:
 
         Args:
             size: of the block.
-            begins: where those of each stage begin within it, shape (stages,); None where that is not asked for.
+            begins: where those of each stage begin within it, shape (stages,); None where that is not needed.
         """
         if begins is not None:
             self._begins.append(self._ends[-1] + begins)
@@ -137,8 +137,8 @@ class COOBuilder:
         sources = sources + self._ends[-2]
         self._entries.append((rows, columns, weights, sources))
         if self._symmetric:
-            off = rows != columns
-            self._entries.append((columns[off], rows[off], weights[off], sources[off]))
+            mirrored = rows != columns  # all but the diagonal
+            self._entries.append((columns[mirrored], rows[mirrored], weights[mirrored], sources[mirrored]))
 
     def build(self) -> SparseAssembly:
         """Return the matrix that they make."""
@@ -200,8 +200,8 @@ class StageAssembly:
         flat = sums.choose(order, np.ones(len(order)))
         stage = np.repeat(entries.stages[order], np.diff(flat.begins))
         block = np.searchsorted(sums.block_ends, flat.sources, side="right")
-        nothing = np.zeros(len(order), dtype=np.int64)
-        families = nothing if entries.families is None else entries.families
+        zeros = np.zeros(len(order), dtype=np.int64)
+        families = zeros if entries.families is None else entries.families
         first = np.searchsorted(kind[entries.stages[order]], np.arange(int(kind.max()) + 2))
         self._kind, self._first = kind.astype(np.int32), first.astype(np.int32)
         self._begins, self._weights, self._blocks = flat.begins, flat.weights, block.astype(np.int32)
@@ -228,11 +228,11 @@ class StageAssembly:
             counts = self._begins[entries + 1] - begins
             result = np.empty((len(stages), len(entries)))
             for turn in range(int(counts.max(initial=0))):
-                some = np.flatnonzero(counts > turn)
-                number = begins[some] + turn
+                remaining = np.flatnonzero(counts > turn)
+                number = begins[remaining] + turn
                 at = self._block_begins[np.ix_(stages, self._blocks[number])] + self._sources[number]
                 summands = values[at] * self._weights[number]
-                result[:, some] = result[:, some] + summands if turn else summands
+                result[:, remaining] = result[:, remaining] + summands if turn else summands
             memory.doubles[places] = result
             finite = finite and bool(np.isfinite(result).all())
         return finite

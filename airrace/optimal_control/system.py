@@ -85,7 +85,7 @@ class Observation:
 
 
 SYMBOLS = threading.RLock()
-"""Held by who makes or pickles functions where other threads may do so: casadi lets other threads run meanwhile, and
+"""Held while functions are made or pickled where other threads may do so: casadi lets other threads run meanwhile, and
 counts references to SX nodes without a lock."""
 
 
@@ -245,12 +245,13 @@ def with_linear_controls(system: System, names: Collection[str] | None = None, *
     chosen = [control for control in system.controls if names is None or control.name in names]
     if unknown := set(names or ()) - {control.name for control in chosen}:
         raise ValueError(f"system {system.name!r} has no controls {', '.join(sorted(unknown))}")
-    held = [control for control in system.controls if control not in chosen]
+    inputs_left = [control for control in system.controls if control not in chosen]
     n_x, n_p = len(system.states), len(system.parameters)
     x, u, p = ca.SX.sym("x", n_x + len(chosen)), ca.SX.sym("u", len(system.controls)), ca.SX.sym("p", n_p)
-    values, inputs, rates = x[n_x:], u[: len(held)], u[len(held) :]
-    place = {control.name: number for group in (chosen, held) for number, control in enumerate(group)}
-    control = _vertcat(*[(values if control in chosen else inputs)[place[control.name]] for control in system.controls])
+    values, inputs, rates = x[n_x:], u[: len(inputs_left)], u[len(inputs_left) :]
+    symbols = {quantity.name: values[row] for row, quantity in enumerate(chosen)}
+    symbols |= {quantity.name: inputs[row] for row, quantity in enumerate(inputs_left)}
+    control = _vertcat(*(symbols[quantity.name] for quantity in system.controls))
     path, projection = system.path_values, system.projection
     rate_quantities = [
         Quantity(
@@ -265,7 +266,7 @@ def with_linear_controls(system: System, names: Collection[str] | None = None, *
         system,
         name=f"{system.name} with linear controls",
         states=(*system.states, *chosen),
-        controls=(*held, *rate_quantities),
+        controls=(*inputs_left, *rate_quantities),
         rates=ca.Function("rates", [x, u, p], [_vertcat(system.rates(x[:n_x], control, p), rates)]),
         path_values=None if path is None else ca.Function("path", [x, u, p], [path(x[:n_x], control, p)]),
         projection=None if projection is None else ca.Function("project", [x], [_vertcat(projection(x[:n_x]), values)]),

@@ -50,16 +50,16 @@ class Trajectory:
             KeyError: no state and no control has this name.
         """
         for declared, values in ((self.states, self.state), (self.controls, self.control)):
-            for row, one in enumerate(declared):
-                if one.name == name:
+            for row, quantity in enumerate(declared):
+                if quantity.name == name:
                     return values[row]
         raise KeyError(name)
 
     def __repr__(self) -> str:
-        names = ", ".join(one.name for one in (*self.states, *self.controls))
+        names = ", ".join(quantity.name for quantity in (*self.states, *self.controls))
         return f"<Trajectory of {self.race_time:.3f} s: {len(self.phases)} phases, {len(self.time)} nodes, {names}>"
 
     def named(self) -> Mapping[str, Array]:
         """Return the histories of all states and controls by name."""
-        names = [one.name for one in (*self.states, *self.controls)]
+        names = [quantity.name for quantity in (*self.states, *self.controls)]
         return {name: self[name] for name in names}

@@ -1,9 +1,9 @@
 """Ctrl-C and SIGTERM as one request to stop, repeated until it is acknowledged.
 
-A signal raises KeyboardInterrupt wherever the main thread is. casadi swallows it, or turns it into an error of its own,
-while it parses its arguments. So the request is stored: it is raised again until it is acknowledged, and an error after
-it counts as its consequence. While a KeyboardInterrupt propagates, and processes and files are cleaned up, it is not
-raised a second time, however often Ctrl-C is pressed.
+A signal raises KeyboardInterrupt at any line of the main thread. casadi swallows it, or turns it into an error of its
+own, while it parses its arguments. So the request is stored: it is raised again until it is acknowledged, and an error
+after it counts as its consequence. While a KeyboardInterrupt propagates, and processes and files are cleaned up, it is
+not raised a second time, however often Ctrl-C is pressed.
 
 Only the entry points of the program listen; the library leaves signals as they are, and defers them during calls of
 other libraries that would swallow them.

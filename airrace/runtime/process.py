@@ -1,7 +1,7 @@
 """The settings of a process of airrace, its memory, and its child processes.
 
 A worker process is started as `python -m airrace.runtime.process MODULE`. It reads requests from its standard input and
-writes results to its standard output, which exist on every system; end of file on either tells that the other side
+writes results to its standard output, which exist on every system; end of file on either means that the other side
 has ended.
 
 Lack of memory is reported in one sentence, with one exit code. A limit of the address space (`ulimit -v`) is met
@@ -135,7 +135,7 @@ def claim_stdio() -> tuple[IO[bytes], IO[bytes]]:
 def set_parent_death_signal() -> None:
     """Have the system kill this process when the thread that started it ends, where it can (Linux).
 
-    Elsewhere, and if that thread has ended already, end of file on standard input tells.
+    Elsewhere, and if that thread has ended already, end of file on standard input shows it.
     """
     import ctypes
     import signal

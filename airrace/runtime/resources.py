@@ -31,7 +31,7 @@ def extra(package: str, what: str, name: str = "") -> ModuleType:
         name: of the extra; empty where it has the name of the package.
 
     Raises:
-        UsageError: it is not installed; says how to install it.
+        UsageError: it is not installed; with how to install it.
     """
     try:
         return import_module(package)

@@ -19,7 +19,7 @@ from airrace.optimal_control.native.library import library
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.second_order import (
-    TOLERANCES,
+    ZERO_CURVATURE,
     StageQuadratic,
     descent_direction,
     direction_below,
@@ -264,7 +264,7 @@ def test_a_saddle_at_which_a_solver_claims_success_is_indefinite() -> None:
     assert np.abs(solution.iterate.state[0]).max() < 1e-6  # it stayed
     verdict, direction = judged(problem, solution)
     assert verdict.curvature is Curvature.INDEFINITE
-    assert verdict.least < -TOLERANCES.zero
+    assert verdict.least < -ZERO_CURVATURE
     assert verdict.phase == "swing"
     y = direction[Layout(problem).state_index[:, 0]]
     assert y[[0, -1]] == pytest.approx(0.0, abs=1e-9)  # it keeps the ends
@@ -299,7 +299,7 @@ def test_a_saddle_that_gains_next_to_nothing_is_none(
     solution = solve(problem, guess, solver="ipopt", options=SolverOptions(tolerance=1e-12, curvature=False))
     verdict, _ = judged(problem, solution)
     assert verdict.curvature is expected
-    monkeypatch.setattr(second_order_module, "TOLERANCES", replace(TOLERANCES, gain_min=0.0))
+    monkeypatch.setattr(second_order_module, "GAIN_MIN", 0.0)
     verdict, _ = judged(problem, solution)
     assert verdict.curvature is Curvature.INDEFINITE
 
@@ -348,7 +348,7 @@ def test_a_shift_that_costs_nothing_is_singular() -> None:
     problem = replace(free, start=start, phases=(replace(free.phases[0], end=Boundary("end")),))
     verdict, direction = judged(problem, solved(problem, "ipopt", 0.0))
     assert verdict.curvature is Curvature.SINGULAR
-    assert abs(verdict.least) < TOLERANCES.zero
+    assert abs(verdict.least) < ZERO_CURVATURE
     y = direction[Layout(problem).state_index[:, 0]]
     assert y == pytest.approx(np.ones(len(y)), abs=1e-2)
 
@@ -397,7 +397,7 @@ def test_verdict_is_reported_with_its_threshold(factor: float) -> None:
     problem = swing(MINIMUM)
     weighed = replace(problem, objective=replace(problem.objective, terminal={"cost": 1e3 * factor}))
     verdict, _ = judged(weighed, solved(weighed, "ipopt", 0.0))
-    assert verdict.threshold >= TOLERANCES.zero
+    assert verdict.threshold >= ZERO_CURVATURE
     assert str(verdict) == f"positive, above {verdict.threshold:.1e} s"
 
 

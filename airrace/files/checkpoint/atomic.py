@@ -46,7 +46,7 @@ def replacing(path: Path) -> Generator[BinaryIO]:
 
     Raises:
         StorageError: the system refused (disk full, no permission, not a regular file, ...). The old file is
-            untouched and nothing is left beside it, as after any other error of who writes.
+            untouched and nothing is left beside it, as after any other error of the writer.
     """
     try:
         target = Path(os.path.realpath(path))  # resolve() raises an error of its own for a loop of links
@@ -82,24 +82,24 @@ def _opened_beside(target: Path) -> tuple[Path, BinaryIO]:
     """
     mode = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
 
-    def opened(path: str, flags: int) -> int:
+    def open_new(path: str, flags: int) -> int:
         return os.open(path, flags, 0o666 if mode is None else mode)
 
     while True:
         # Shortened, so that it stays a valid name where the target's is one.
         partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
-        file = cast(BinaryIO, open(partial, "xb", opener=opened))  # noqa: SIM115 which whoever is given it closes
+        file = cast(BinaryIO, open(partial, "xb", opener=open_new))  # noqa: SIM115  # the caller closes it
         if mode is not None:
             with contextlib.suppress(OSError):  # on a file system without modes
                 partial.chmod(mode)  # which the mask of this process may have narrowed
         try:
             _lock(file)
-        except BlockingIOError:  # somebody takes it for left behind
+        except BlockingIOError:  # another process takes it for an orphan
             file.close()
             continue
         except OSError:  # no locks on this file system
             pass
-        if partial.exists():  # nobody took it for left behind before it was locked
+        if partial.exists():  # it was not removed as an orphan before it was locked
             return partial, file
         file.close()
 
@@ -121,14 +121,14 @@ def _lock(file: IO[bytes]) -> None:
     """Lock a file until it is closed; nothing is done on Windows.
 
     Raises:
-        OSError: somebody else has locked it, or there are no locks on this file system.
+        OSError: another process has locked it, or there are no locks on this file system.
     """
     if fcntl:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _rename(partial: Path, target: Path) -> None:
-    """Rename a file over another one; Windows refuses while somebody reads that, which takes a moment."""
+    """Rename a file over another one; Windows refuses while that is being read, which takes a moment."""
     for pause in (0.01, 0.05, 0.2):  # s, after which a refused rename is tried again
         try:
             os.replace(partial, target)

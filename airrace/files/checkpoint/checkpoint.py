@@ -65,12 +65,12 @@ class ReserveAttempt:
     """A finished attempt of the search for a reserve: what was measured, and with what the next one begins.
 
     Attributes:
-        asked: JSON text of the reserve that is searched for.
+        asked: JSON text of the requested reserve.
         flights: number of closed-loop flights; 0 where there is no flight with such margins.
         outside: the flights that break a limit other than the load factor.
         over_load: the flights that exceed the load factor.
         risk: to be allocated to all limits but the load factor.
-        load_risk: to be allocated to the load factor; 0 where no margin of it is asked for.
+        load_risk: to be allocated to the load factor; 0 without a margin of it.
         lift: the share of the full margin of the lift coefficient.
         done: whether no attempt follows.
     """
@@ -107,7 +107,7 @@ class Checkpoint:
     """A run as it is stored: its inputs and its finished stages.
 
     Attributes:
-        inputs: what was asked for.
+        inputs: of the run.
         versions: the versions of airrace and of what its numbers depend on (casadi, numpy, python), by name.
         stages: finished stages in the order of `Stage`, each at most once.
         attempts: finished attempts of a search for a reserve that has not ended, in their order.
@@ -124,7 +124,8 @@ class Checkpoint:
         Stages from this one on are dropped, and attempts of a reserve: they were computed from what `result` now
         replaces.
         """
-        earlier = tuple(one for one in self.stages if STAGES.index(one.result.stage) < STAGES.index(result.stage))
+        position = STAGES.index(result.stage)
+        earlier = tuple(stored for stored in self.stages if STAGES.index(stored.result.stage) < position)
         inputs = inputs_hash(self.inputs.resolved)
         link = chain_hash(earlier[-1].chain_hash if earlier else "", inputs, result)
         return replace(self, stages=(*earlier, StoredStage(result, inputs, link)), attempts=())
@@ -137,14 +138,14 @@ class Checkpoint:
         return replace(self, attempts=(*standing, StoredAttempt(attempt, overrides, result, link)))
 
     def standing_attempts(self, asked: str) -> tuple[StoredAttempt, ...]:
-        """Return the attempts that were made from the last stage as it is now, for the reserve that is asked for."""
+        """Return the attempts that were made from the last stage as it is now, for the requested reserve."""
         standing: list[StoredAttempt] = []
         before = self.stages[-1].chain_hash if self.stages else ""
-        for one in self.attempts:
-            link = attempt_hash(before, one.attempt, one.overrides, one.result)
-            if one.attempt.asked != asked or one.chain_hash != link:
+        for stored in self.attempts:
+            link = attempt_hash(before, stored.attempt, stored.overrides, stored.result)
+            if stored.attempt.asked != asked or stored.chain_hash != link:
                 break
-            standing.append(one)
+            standing.append(stored)
             before = link
         return tuple(standing)
 
@@ -157,16 +158,16 @@ class Checkpoint:
         stages: list[StoredStage] = []
         for stored in self.stages:
             if STAGES.index(stored.result.stage) >= STAGES.index(result.stage) and stored.result.stage not in broken:
-                one = result if stored.result.stage is result.stage else stored.result
-                link = chain_hash(stages[-1].chain_hash if stages else "", stored.inputs_hash, one)
-                stages.append(replace(stored, result=one, chain_hash=link))
+                replacement = result if stored.result.stage is result.stage else stored.result
+                link = chain_hash(stages[-1].chain_hash if stages else "", stored.inputs_hash, replacement)
+                stages.append(replace(stored, result=replacement, chain_hash=link))
             else:
                 stages.append(stored)
         return replace(self, stages=tuple(stages), attempts=())
 
     def stage(self, stage: Stage) -> StoredStage | None:
         """Return the stored stage, or None if it has not been finished."""
-        return next((one for one in self.stages if one.result.stage is stage), None)
+        return next((stored for stored in self.stages if stored.result.stage is stage), None)
 
 
 def inputs_hash(resolved_json: str) -> str:
@@ -182,7 +183,7 @@ def chain_hash(previous: str, inputs: str, result: StageResult) -> str:
 
 def attempt_hash(previous: str, attempt: ReserveAttempt, overrides: tuple[str, ...], result: StageResult | None) -> str:
     """Return the next link of the chain for an attempt (hex); `previous` is that of the last stage or attempt."""
-    digests = (content_digest(one) for one in (attempt, overrides, result))
+    digests = (content_digest(part) for part in (attempt, overrides, result))
     return hashlib.sha256("\n".join((previous, *digests)).encode()).hexdigest()
 
 
@@ -239,7 +240,7 @@ def _pieces(value: object) -> Iterator[bytes]:
         for member in members:
             yield from _pieces(member)
     elif isinstance(value, np.ndarray):
-        array = cast(NDArray[Any], value)  # Any: whatever the array's numbers are
+        array = cast(NDArray[Any], value)  # Any: floats or integers
         number = "<f8" if array.dtype.kind == "f" else "<i8"
         yield f"{number}{array.shape}".encode()
         yield array.astype(number).tobytes()

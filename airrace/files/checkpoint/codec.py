@@ -11,7 +11,7 @@
     tuple of other records             group of groups 1, 2, ...
     further numbers                    table `summary` of one row
 
-What types do not say, such as units and names that differ, a `Layout` says for the fields of a record.
+What types do not state, such as units and names that differ, a `Layout` states for the fields of a record.
 """
 
 import functools
@@ -102,8 +102,8 @@ class Codec:
         layout = self.layouts.get(kind, Layout())
         types_of = _types(layout.kind or kind)
         numbers = {name: of for name, of in types_of.items() if of in (float, int, bool) and name not in layout.hints}
-        rest = [(name, of, layout.hints.get(name, Hint())) for name, of in types_of.items() if name not in numbers]
-        return rest, numbers
+        special = [(name, of, layout.hints.get(name, Hint())) for name, of in types_of.items() if name not in numbers]
+        return special, numbers
 
     def _members(self, kind: Any, path: str) -> tuple[list[str], list[str]]:
         """Return the names of the members of a record that must exist, and of those that may."""

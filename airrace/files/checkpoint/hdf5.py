@@ -105,20 +105,20 @@ class Writer:
 def _array(kind: Kind, value: Any) -> Values:  # Any: as above
     """Return what is stored; truth values are stored as 0 and 1."""
     if kind is str:
-        return _encoded([value]).reshape(())
+        return _encode([value]).reshape(())
     if not isinstance(kind, Mapping):
         return np.asarray(value, NUMBERS[kind], order="C")
     columns: dict[str, Values] = {}
     for index, (name, cell) in enumerate(kind.items()):
         cells = [row[index] for row in value]
-        columns[name] = _encoded(cells) if cell is str else np.array(cells, NUMBERS[cell])
+        columns[name] = _encode(cells) if cell is str else np.array(cells, NUMBERS[cell])
     table = np.zeros(len(value), np.dtype([(name, cells.dtype) for name, cells in columns.items()]))
     for name, cells in columns.items():
         table[name] = cells
     return table
 
 
-def _encoded(texts: Sequence[str]) -> Values:
+def _encode(texts: Sequence[str]) -> Values:
     """Return texts as strings of the length that the longest needs, at least 1: an empty text is one NUL in HDF5."""
     for text in texts:
         if "\0" in text:
@@ -133,7 +133,7 @@ def open_image(image: bytes) -> Generator["Reader"]:
     """Give the root of an HDF5 file.
 
     Raises:
-        CheckpointError: no HDF5 file, or whatever HDF5 objects to while it is read.
+        CheckpointError: no HDF5 file, or one that HDF5 cannot read.
     """
     try:
         file = h5py.h5f.open_file_image(image)
@@ -165,7 +165,7 @@ class Allowance:
 class Reader:
     """A group that is read, and its path, which every message names.
 
-    Its methods raise a `CheckpointError` unless a member is of just the kind that is asked for: no link, of no other
+    Its methods raise a `CheckpointError` unless a member is of the requested kind: no link, of no other
     type, not filtered and not stored elsewhere.
     """
 
@@ -203,13 +203,13 @@ class Reader:
         values: Values = np.zeros(shape, dtype)
         dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, values, dataset.get_type())
         if kind is str:
-            return _decoded(values.item(), path)
+            return _decode(values.item(), path)
         if not isinstance(kind, Mapping):
             return values
         columns: list[list[Any]] = []  # Any: texts or numbers
         for column, cell in kind.items():
             cells = values[column].tolist()
-            columns.append([_decoded(text, f"{path}.{column}") for text in cells] if cell is str else cells)
+            columns.append([_decode(text, f"{path}.{column}") for text in cells] if cell is str else cells)
         return list(zip(*columns, strict=True))
 
     def attributes(self, kinds: Mapping[str, type], name: str = "") -> dict[str, Attribute]:
@@ -226,7 +226,7 @@ class Reader:
                 raise CheckpointError(f"{path} is not {'a short text' if kind is str else f'one {kind.__name__}'}")
             value: Values = np.zeros((), dtype)
             stored.read(value, stored.get_type())
-            attributes[attribute] = _decoded(value.item(), path) if kind is str else value.item()
+            attributes[attribute] = _decode(value.item(), path) if kind is str else value.item()
         return attributes
 
     def _open(self, name: str, kind: type, words: str) -> Handle:
@@ -249,7 +249,7 @@ def _fits(dtype: np.dtype[Any], kind: Kind) -> bool:  # Any: this is what is bei
     return text is not None and text.length is not None and text.encoding == "utf-8"
 
 
-def _decoded(text: bytes, path: str) -> str:
+def _decode(text: bytes, path: str) -> str:
     try:
         decoded = text.decode("utf-8", "surrogateescape" if FILE_NAMES.fullmatch(path) else "strict")
     except UnicodeDecodeError:

@@ -67,7 +67,7 @@ class Histories:
             within.dataset(quantity.name, float, history.values, attributes, self.axis)
 
     def read(self, group: Reader, name: str) -> tuple[StoredHistory, ...]:
-        """Return the histories, or raise a `CheckpointError` that says which is no history."""
+        """Return the histories, or raise a `CheckpointError` that names what is no history."""
         within = group.group(name)
         rows: dict[int, StoredHistory] = {}
         for symbol in within.names:
@@ -106,12 +106,12 @@ class StoredTrajectory:
     controls: tuple[StoredHistory, ...]
 
 
-def stored_trajectory(flown: Trajectory) -> StoredTrajectory:
+def stored_trajectory(trajectory: Trajectory) -> StoredTrajectory:
     """Return a trajectory as it is stored."""
-    states = tuple(map(StoredHistory, flown.states, flown.state))
-    controls = tuple(map(StoredHistory, flown.controls, flown.control))
-    nodes = flown.first_node, flown.durations, flown.time, flown.time[:-1]
-    return StoredTrajectory(flown.phases, *nodes, states, controls)
+    states = tuple(map(StoredHistory, trajectory.states, trajectory.state))
+    controls = tuple(map(StoredHistory, trajectory.controls, trajectory.control))
+    nodes = trajectory.first_node, trajectory.durations, trajectory.time, trajectory.time[:-1]
+    return StoredTrajectory(trajectory.phases, *nodes, states, controls)
 
 
 def trajectory_of(stored: StoredTrajectory, path: str) -> Trajectory:
@@ -230,7 +230,7 @@ def ensure_sizes(values: Array, path: str) -> None:
 
 
 def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
-    """Refuse quaternions that are no attitudes; nothing is asked where there are none.
+    """Refuse quaternions that are no attitudes; no check where there are none.
 
     Raises:
         CheckpointError: the length of a quaternion is not within `LENGTH_ERROR` of 1.

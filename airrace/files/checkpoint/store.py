@@ -67,7 +67,7 @@ logger = logging.getLogger(__name__)
 
 CODEC = Codec(LAYOUTS | LOG_LAYOUTS)
 CONTENT = "content"
-"""The attribute that tells flight logs from runs, which have none."""
+"""The attribute of flight logs that runs do not have."""
 SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
@@ -108,7 +108,7 @@ def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
     try:
         image = unseal(_content(path))
         logger.info("%s is read", name_of(path))
-        return _decoded(image)
+        return _decode(image)
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:
@@ -122,11 +122,11 @@ def _write(path: Path, contents: object, attributes: Mapping[str, Attribute]) ->
     image = CODEC.image_of(contents, attributes)
     if BLOCK_SIZE + len(image) > SIZE_MAX:
         raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
-    _decoded(image)
+    _decode(image)
     replace_file(path, seal(image))
 
 
-def _decoded(image: bytes) -> Checkpoint | LogCheckpoint:
+def _decode(image: bytes) -> Checkpoint | LogCheckpoint:
     with open_image(image) as root:
         attributes = root.attributes({CONTENT: str, "schema": int})
         is_log, schema = CONTENT in attributes, attributes.get("schema")

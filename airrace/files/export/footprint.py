@@ -12,7 +12,7 @@ from airrace.files.export.geojson import collection, feature, flight_entries
 from airrace.files.export.globe import Corner, add_element, cut_area
 from airrace.files.export.kml import content_of, kml_document
 from airrace.flights.results import Flight
-from airrace.flights.safety.footprint import NOT_AN_AUTHORITYS, Footprint
+from airrace.flights.safety.footprint import GLIDE_EVERY, NOT_AN_AUTHORITYS, Footprint
 from airrace.flights.safety.outlines import Outline
 from airrace.model.track.course import Origin, geodetic
 from airrace.optimal_control.trajectory import Array
@@ -54,7 +54,7 @@ def footprint_kml(footprint: Footprint, flight: Flight, begin: datetime) -> byte
 
 def footprint_csv(footprint: Footprint) -> str:
     """Return one row per instant: where the aircraft is and where it falls to, m, and how far that is from people."""
-    states, every = footprint.states, footprint.settings.glide_every
+    states = footprint.states
     columns: dict[str, Array] = {"time_s": footprint.time}
     columns |= dict(zip(("north_m", "east_m", "height_m"), states.place.T, strict=True))
     columns["ground_speed_m_s"] = states.speed
@@ -67,7 +67,7 @@ def footprint_csv(footprint: Footprint) -> str:
     columns |= {"glide_north_m": glide[:, 0], "glide_east_m": glide[:, 1]}
     columns |= {f"{crowd.name}_distance_m": footprint.distances(crowd) for crowd in footprint.race.course.crowd}
     text = io.StringIO(newline="")
-    text.write(f"# {NOT_AN_AUTHORITYS}\n# glides: one for every {every} instants\n")
+    text.write(f"# {NOT_AN_AUTHORITYS}\n# glides: one for every {GLIDE_EVERY} instants\n")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["flight", *map(text_cell, columns)])
     rows = np.stack(list(columns.values()), axis=1).tolist()

@@ -24,7 +24,7 @@ class Format:
         name: of the subcommand.
         help: what a file holds, in a sentence.
         writer: a function, or `module:function`, which is imported when the first file is written.
-        rate_hz: samples per second unless another rate is asked for; None for all samples of a flight.
+        rate_hz: samples per second unless set otherwise; None for all samples of a flight.
         globe: whether it needs latitude, longitude and altitude, and so an origin of the course.
         suffix: of its files, where that is not the name.
         has_models: whether its viewer has aircraft of its own, one of which may be named.

@@ -18,7 +18,7 @@ from airrace.files.export.globe import (
     places,
     printable,
     stamp,
-    unwrapped,
+    unwrap,
 )
 from airrace.flights.results import Flight, TimedCrossing
 
@@ -53,7 +53,7 @@ def _on_course(of_course: Feature) -> dict[str, object]:
         case Shape.LINE:
             return feature(*_line_geometry(cut_line(corners)), properties)
         case Shape.AREA:
-            ring = unwrapped(corners)
+            ring = unwrap(corners)
             area = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise([*ring, ring[0]]))
             pieces = cut_area(corners if area > 0.0 else corners[::-1])  # an outline runs counterclockwise
             polygons = [[[*ring, ring[0]]] for ring in pieces]
@@ -104,5 +104,5 @@ def _positions(flight: Flight) -> list[list[float]]:
 
 
 def feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
-    """Return a feature: its geometry and what is said of it."""
+    """Return a feature: its geometry and properties."""
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

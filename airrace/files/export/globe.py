@@ -66,10 +66,10 @@ def on_globe(flight: Flight, origin: Origin | None) -> Flight:
 
     Args:
         flight: of any course.
-        origin: where the track's frame lies; None for what its course says.
+        origin: where the track's frame lies; None for that of its course.
 
     Raises:
-        UsageError: the course says nothing.
+        UsageError: the course has none.
     """
     origin = origin or flight.course.origin
     if not origin.has_coordinates:
@@ -158,7 +158,8 @@ def compass(angle: float) -> float:
 
 def printable(text: str) -> str:
     """Return a name in one line, without characters that XML and viewers cannot take."""
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+    letters = [letter if letter.isprintable() else " " for letter in text]
+    return " ".join("".join(letters).split())
 
 
 Corner = list[float]
@@ -180,7 +181,7 @@ def cut_line(corners: Sequence[Corner]) -> list[list[Corner]]:
 
 def cut_area(ring: Sequence[Corner]) -> list[list[Corner]]:
     """Return the pieces of an area, none of them closed, in the sense of rotation of the given one."""
-    corners = unwrapped(ring)
+    corners = unwrap(ring)
     farthest = max((corner[0] for corner in corners), key=abs)
     if abs(farthest) <= 180.0:
         return [list(ring)]
@@ -194,15 +195,17 @@ def cut_area(ring: Sequence[Corner]) -> list[list[Corner]]:
                 piece.append(begin)
             if has_begin != has_end:
                 piece.append(_interpolate(begin, end, side))
-        pieces.append(piece if inner else [[lon - 2.0 * side, *rest] for lon, *rest in piece])
+        if not inner:
+            piece = [[lon - 2.0 * side, *values] for lon, *values in piece]
+        pieces.append(piece)
     return [piece for piece in pieces if len(piece) > 2]
 
 
-def unwrapped(ring: Sequence[Corner]) -> list[Corner]:
+def unwrap(ring: Sequence[Corner]) -> list[Corner]:
     """Return corners whose longitudes go on beyond half a turn, without a jump."""
     corners = [list(ring[0])]
-    for lon, *rest in ring[1:]:
-        corners.append([corners[-1][0] + math.remainder(lon - corners[-1][0], 360.0), *rest])
+    for lon, *values in ring[1:]:
+        corners.append([corners[-1][0] + math.remainder(lon - corners[-1][0], 360.0), *values])
     return corners
 
 

@@ -277,7 +277,7 @@ def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:
         present, missing = f"damping_{axis}", f"omega_{axis}_rad_s"
         if D is None:
             present, missing = missing, present
-        reporter.key(("linear", present), f"tells nothing without {missing}; give both or neither")
+        reporter.key(("linear", present), f"has no meaning without {missing}; set both or neither")
         return None
 
     return LinearLoops(
@@ -295,11 +295,11 @@ def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
     axis than a wing tip.
     """
     I_x, I_y, I_z = airframe.I_x, airframe.I_y, airframe.I_z
-    for key, moment, others in (("I_x", I_x, I_y + I_z), ("I_y", I_y, I_x + I_z), ("I_z", I_z, I_x + I_y)):
-        if moment > others:
+    for key, moment, sum_of_two in (("I_x", I_x, I_y + I_z), ("I_y", I_y, I_x + I_z), ("I_z", I_z, I_x + I_y)):
+        if moment > sum_of_two:
             reporter.value(
                 ("airframe", f"{key}_kg_m2"),
-                f"no body has such a moment of inertia: {moment:g} is more than the other two together, {others:g}",
+                f"no body has such a moment of inertia: {moment:g} is more than the other two together, {sum_of_two:g}",
             )
     arm = 0.5 * airframe.b
     if arm > 0.0 and airframe.m * arm * arm < I_x:

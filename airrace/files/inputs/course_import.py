@@ -17,8 +17,9 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
+from airrace.files.export.globe import printable
 from airrace.files.inputs.nodes import CORNERS_MAX, CROWDS_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX
-from airrace.files.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
+from airrace.files.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, split_words, words_of
 from airrace.files.inputs.surroundings import BOX_MAX, OBSTACLE_HEIGHT_MAX
 from airrace.flights.logs.recording import refuse
 from airrace.model.track import polygons
@@ -26,6 +27,8 @@ from airrace.model.track.course import Origin, metres
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.quantities import FOOT
 
+NAME_MAX = 100
+"""The letters of a name that are kept."""
 GATE_WIDTH_MAX = 60.0
 """The length beyond which a line is no gate, m."""
 STRAIGHTNESS = 1.0
@@ -110,15 +113,15 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
     """
     latitude, longitude = next(mark.places[0] for mark in marks if mark.places)
     sketch = _Sketch(Origin(math.radians(latitude), math.radians(longitude)))
-    others = sketch.take_elements(marks)
+    surroundings = sketch.take_elements(marks)
     if len(sketch.elements) < 2:
         refuse(path, 0, "holds no two gates or pylons: expected points, or lines from pylon to pylon")
-    for mark in sorted(others, key=lambda mark: mark.named_subject is not Subject.AIRSPACE):
+    for mark in sorted(surroundings, key=lambda mark: mark.named_subject is not Subject.AIRSPACE):
         sketch.take_surroundings(mark)
     elements, lap = sketch.elements, sketch.passings()
     track = {
         "schema": "airrace/track/2",
-        "name": _printable(title),
+        "name": printable(title)[:NAME_MAX],
         "aircraft": "edge540",
         "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": 0},
         "rules": {"n_z_max": 10, "floor_m": 10, "start_speed_max_kt": 200},
@@ -132,7 +135,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
     track = {key: value for key, value in track.items() if value not in ({}, [])}
     text = yaml.safe_dump(track, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
     remarks = "".join(f"# {remark.text}\n" for remark in sketch.remarks)
-    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + remarks, tuple(sketch.remarks))
+    return SketchedCourse(NOTICE.format(path=printable(path)[:NAME_MAX]) + text + remarks, tuple(sketch.remarks))
 
 
 class _Sketch:
@@ -154,7 +157,7 @@ class _Sketch:
     def take_elements(self, marks: Sequence[Placemark]) -> list[Placemark]:
         """Take the elements; return the placemarks that may be something else."""
         partners, has_names = _partners(marks), any(mark.named_subject is Subject.ELEMENT for mark in marks)
-        others: list[Placemark] = []
+        surroundings: list[Placemark] = []
         for index, mark in enumerate(marks):
             if index in partners:
                 self._take_pair(mark, marks[partners[index]])
@@ -165,7 +168,7 @@ class _Sketch:
             elif mark.subject is Subject.FLIGHT:
                 self._drop(mark, "it belongs to a flight")
             elif mark.shape is PlacemarkShape.AREA or mark.subject not in (None, Subject.ELEMENT):
-                others.append(mark)
+                surroundings.append(mark)
             elif mark.shape is PlacemarkShape.LINE:
                 self._take_line(mark)
             elif mark.subject is None and mark.name and has_names:
@@ -176,14 +179,14 @@ class _Sketch:
                     self._guess(mark, "a single pylon", "there is none of the other side")
                 elif mark.named_subject is not Subject.ELEMENT:
                     self._guess(mark, "a pylon of the race", "its name does not say")
-        return others
+        return surroundings
 
     def _take_pair(self, first: Placemark, second: Placemark) -> None:
         left, right = (first, second) if _side(first) == "l" else (second, first)
         places = (*left.places, *right.places)
         width = _width(self._points(places))
         if 0.0 < width <= GATE_WIDTH_MAX:
-            self._add(SIDE.sub("", parted(first.name)), places, sided=True)
+            self._add(SIDE.sub("", split_words(first.name)), places, sided=True)
             return
         for mark in (first, second):
             self._add(mark.name, mark.places)
@@ -192,7 +195,7 @@ class _Sketch:
     def _take_line(self, mark: Placemark) -> None:
         width = _width(self._points(mark.places))
         if len(mark.places) > 2:
-            self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name tells what else it is")
+            self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name marks it as anything else")
         elif not 0.0 < width <= GATE_WIDTH_MAX:
             self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m")
         else:
@@ -286,7 +289,7 @@ class _Sketch:
         for box in boxes:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
         if not match:
-            self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
+            self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note has a height such as `60 m`")
         elif height != stated:
             limits = f"the height of an obstacle is more than 0 and at most {OBSTACLE_HEIGHT_MAX:g} m"
             self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {stated:.4g} m are named")
@@ -334,7 +337,7 @@ class _Sketch:
     # Remarks.
 
     def _guess(self, mark: Placemark, taken_as: str, reason: str) -> None:
-        self.remarks.append(ImportRemark(_printable(mark.name), _form(mark), taken_as, reason))
+        self.remarks.append(ImportRemark(printable(mark.name)[:NAME_MAX], _form(mark), taken_as, reason))
 
     def _drop(self, mark: Placemark, reason: str) -> None:
         self._guess(mark, "", reason)
@@ -369,7 +372,7 @@ def _partners(marks: Sequence[Placemark]) -> dict[int, int]:
 
 
 def _side(mark: Placemark) -> str:
-    """Return the side that a name tells: `l`, `r` or nothing."""
+    """Return the side in a name: `l`, `r` or nothing."""
     sides = [SIDES[word] for word in words_of(mark.name) if word in SIDES]
     return sides[0] if len(sides) == 1 else ""
 
@@ -430,7 +433,3 @@ def _key(name: str, names: set[str]) -> str:
         key, number = f"{plain}_{number}", number + 1
     names.add(key)
     return key
-
-
-def _printable(text: str) -> str:
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:100]

@@ -16,7 +16,7 @@ from airrace.files.inputs.nodes import FINDINGS_MAX, JSON, QUOTE_MAX, MappingNod
 from airrace.files.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.files.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.files.inputs.places import Places
-from airrace.files.inputs.rules import ReserveEntry, check_reserve, penalties_of, pilot_name, read_preset, tightened
+from airrace.files.inputs.rules import ReserveEntry, check_reserve, penalties_of, pilot_name, read_preset, tighten
 from airrace.files.inputs.schema import Schema, language_of, languages_of, read_mapping, validate
 from airrace.files.inputs.settings import SettingsEntry, build_settings
 from airrace.files.inputs.track import TrackEntry, build_course, track_language
@@ -246,7 +246,7 @@ def _inputs(
         race = Race(course_and_air.course, model, course_and_air.air)
         if entry:
             check_reserve(entry.rules.reserve, entry.margins, race, track.reporter)
-            race = tightened(race, entry.margins, track.reporter)
+            race = tighten(race, entry.margins, track.reporter)
         check_together(race, track.reporter)
         if not reader.findings:
             passed = {passage.element.base_name for passage in race.course.passages}
@@ -286,8 +286,8 @@ def shorten(findings: Sequence[Finding]) -> list[Finding]:
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
         of_file = list(group)
         shortened += of_file[:FINDINGS_MAX]
-        if rest := of_file[FINDINGS_MAX:]:
-            shortened.append(dataclasses.replace(rest[0], message=f"and {len(rest)} more findings from here on"))
+        if omitted := of_file[FINDINGS_MAX:]:
+            shortened.append(dataclasses.replace(omitted[0], message=f"and {len(omitted)} more findings from here on"))
     return shortened
 
 
@@ -340,7 +340,7 @@ def sources_of(inputs: Inputs) -> tuple[tuple[str, str, str], ...]:
     for kind, document in (("track", inputs.track), ("aircraft", inputs.aircraft)):
         parsed = None if is_of_objects(document) else reader.open(document, kind)
         if parsed is None:
-            sources.append((kind, "", "built in Python: no file says it"))
+            sources.append((kind, "", "built in Python, not read from a file"))
             continue
         root = parsed.reporter.root
         source, rules = root.scalar("source"), root.get("rules")

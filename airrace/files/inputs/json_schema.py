@@ -55,7 +55,7 @@ class _Generator(GenerateJsonSchema):
     """The generator of pydantic, without what is not draft-07 and what the reader does not accept."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """Leave null out: an absent key is None to the models, but nobody may write `null`."""
+        """Leave null out: an absent key is None to the models, but `null` may not be written."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
@@ -69,7 +69,7 @@ class _Generator(GenerateJsonSchema):
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
         """Leave `discriminator` out, which belongs to OpenAPI.
 
-        The constant `type` of every member tells the members apart.
+        The constant `type` distinguishes the members.
         """
         described = super().tagged_union_schema(schema)
         described.pop("discriminator", None)
@@ -100,7 +100,7 @@ class _Generator(GenerateJsonSchema):
 
 # Any: JSON of any shape.
 def _lone_references(node: Any) -> Any:
-    """Put references into an `allOf` of their own, for in draft-07 whatever stands beside `$ref` is ignored."""
+    """Put references into an `allOf` of their own, for in draft-07 everything beside `$ref` is ignored."""
     if isinstance(node, list):
         return [_lone_references(item) for item in cast(list[Any], node)]
     if not isinstance(node, dict):

@@ -7,7 +7,7 @@ from typing import cast
 from airrace.errors import Finding, InputError
 from airrace.files.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.files.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
-from airrace.files.inputs.yaml_reader import is_plain_text, plain_scalar, quoted, read_yaml
+from airrace.files.inputs.yaml_reader import is_plain_text, plain_scalar, quote, read_yaml
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
@@ -67,7 +67,7 @@ def value_text(value: str | int | float | bool) -> str:
     if not isinstance(value, str):
         return repr(value)
     is_plain = is_plain_text(value) and value == value.strip() and not value.startswith((*QUOTES, *INDICATORS))
-    return value if is_plain else quoted(value)
+    return value if is_plain else quote(value)
 
 
 def _scalar(text: str) -> str | int | float | bool | None:
@@ -93,7 +93,7 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
     """
     if not path:
         return value
-    name, rest = str(path[0]), path[1:]
+    name, remaining = str(path[0]), path[1:]
     schema = schema_of(expected)
     if node is None:
         node = MappingNode(PLACE)
@@ -102,17 +102,17 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
     if isinstance(node, MappingNode):
         entries = dict(node.entries)
         entry, annotation = entries.get(name), tags_of(expected).get(str(node.scalar("type")), expected)
-        if value.value is None and not rest:
+        if value.value is None and not remaining:
             entries.pop(name, None)
         else:
-            place = entry.key_place if entry and rest else PLACE
-            child = _replace(entry.value if entry else None, rest, value, inner(annotation, name))
+            place = entry.key_place if entry and remaining else PLACE
+            child = _replace(entry.value if entry else None, remaining, value, inner(annotation, name))
             entries[name] = MappingEntry(place, child)
         return MappingNode(node.place, entries)
     if isinstance(node, SequenceNode):
         if not (name.isascii() and name.isdigit() and int(name) < len(node.items)):
             raise ValueError(f"the list has items 0 to {len(node.items) - 1}, none named `{name}`")
         items = list(node.items)
-        items[int(name)] = _replace(items[int(name)], rest, value, inner(expected, 0))
+        items[int(name)] = _replace(items[int(name)], remaining, value, inner(expected, 0))
         return SequenceNode(node.place, tuple(items))
     raise ValueError(f"`{name}` cannot be set inside the single value {node.value!r}")

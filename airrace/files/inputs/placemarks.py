@@ -26,7 +26,7 @@ from airrace.flights.logs.recording import refuse
 from airrace.runtime.standard_streams import name_of
 
 NAMES = ("name", "title", "label")
-"""Attributes that say what a feature is called, whatever the case of their letters."""
+"""Attributes that name a feature, in any case of their letters."""
 HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
 """Attributes that say what a feature is, likewise."""
 
@@ -59,7 +59,7 @@ WORDS = (
     (Subject.CROWD, "people|stands?|visitors?|vip|beach|promenade|tribunes?|car park|parking|camp(ing|site)?"),
     (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
 )
-"""The words that tell what a placemark is, as regular expressions; the first line of which one is met decides."""
+"""The words that name the subject of a placemark, as regular expressions; the first line with a match decides."""
 _PATTERNS = [(subject, re.compile(rf"\b({words})\b")) for subject, words in WORDS]
 _LABEL = re.compile(r"[a-z]{0,3} ?\d{1,3} ?[a-z]?|[a-z]")
 """Names of elements without a word: `g4`, `P 12`, `7`, `wp3a`, `c`."""
@@ -70,10 +70,10 @@ SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
 
 def words_of(name: str) -> list[str]:
     """Return the words and numbers of a name in lower case: `g1_left`, `g1Left` and `G1 left` have the same."""
-    return re.findall(r"[^\W\d_]+|\d+", parted(name).lower())
+    return re.findall(r"[^\W\d_]+|\d+", split_words(name).lower())
 
 
-def parted(name: str) -> str:
+def split_words(name: str) -> str:
     """Return a name with a space before every capital letter that follows on a small one."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
 
@@ -102,7 +102,7 @@ class Placemark:
         shape: what its places are.
         places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
         hint: words beside it that may say what it is: of attributes, its style, and its folders from the innermost.
-        note: what is said about it.
+        note: its description.
     """
 
     name: str
@@ -113,7 +113,7 @@ class Placemark:
 
     @cached_property
     def named_subject(self) -> Subject | None:
-        """The subject by the name alone; None where that does not tell."""
+        """The subject by the name alone; None where it names none."""
         element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
         return subject_in(self.name) or (Subject.ELEMENT if element else None)
 
@@ -137,7 +137,7 @@ class _Label:
     def of(cls, path: str, name: object, *hints: object, note: object = None) -> "_Label":
         return cls(path, _one_line(name), _one_line(" / ".join(str(hint) for hint in hints if hint)), _one_line(note))
 
-    def shaped(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
+    def placemarks(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
         """Yield a placemark if its places (longitude first) make one.
 
         The outline of an area is opened, and a line that ends where it begins is an area.
@@ -232,31 +232,31 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
     if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:
         parts = [(PlacemarkShape.LINE, [place for _, places in parts for place in places])]
     for shape, places in parts:
-        yield from label.shaped(shape, places)
+        yield from label.placemarks(shape, places)
 
 
 # GPX
 
 
 def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
-    def shaped(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
+    def placemarks(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
         name, *hints, note = (element.findtext(tag) for tag in ("name", "type", "sym", "desc"))
         places = [(point.get("lon", ""), point.get("lat", "")) for point in points]
-        return _Label.of(path, name, *hints, note=note).shaped(shape, places)
+        return _Label.of(path, name, *hints, note=note).placemarks(shape, places)
 
     for element in root:
         if element.tag == "wpt":
-            yield from shaped(element, PlacemarkShape.POINT, [element])
+            yield from placemarks(element, PlacemarkShape.POINT, [element])
         elif element.tag == "rte":
             points = list(element.iter("rtept"))
             if subject_in(element.findtext("name") or "") in (None, Subject.ELEMENT):
                 for point in points:
-                    yield from shaped(point, PlacemarkShape.POINT, [point])
+                    yield from placemarks(point, PlacemarkShape.POINT, [point])
             else:
-                yield from shaped(element, PlacemarkShape.LINE, points)
+                yield from placemarks(element, PlacemarkShape.LINE, points)
         elif element.tag == "trk":
             for segment in element.iter("trkseg"):
-                yield from shaped(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
+                yield from placemarks(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
 
 
 # GeoJSON
@@ -264,7 +264,7 @@ def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
 
 def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
     try:
-        root: Any = json.loads(content)  # Any: whatever the file holds; what does not fit raises
+        root: Any = json.loads(content)  # Any: JSON of any form; what does not fit raises
         kind = root["type"]
         if kind not in ("FeatureCollection", "Feature"):
             root = {"geometry": root}
@@ -288,13 +288,13 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
     kind, places = geometry["type"], geometry.get("coordinates")
     match kind:
         case "Point":
-            yield from label.shaped(PlacemarkShape.POINT, [places])
+            yield from label.placemarks(PlacemarkShape.POINT, [places])
         case "LineString":
-            yield from label.shaped(PlacemarkShape.LINE, places)
+            yield from label.placemarks(PlacemarkShape.LINE, places)
         case "MultiPoint" if len(places) == 2:
-            yield from label.shaped(PlacemarkShape.LINE, places)
+            yield from label.placemarks(PlacemarkShape.LINE, places)
         case "Polygon":
-            yield from label.shaped(PlacemarkShape.AREA, places[0])
+            yield from label.placemarks(PlacemarkShape.AREA, places[0])
             for _ in places[1:]:
                 yield label.other("hole in an area", ", a hole")
         case "MultiPoint" | "MultiLineString" | "MultiPolygon":

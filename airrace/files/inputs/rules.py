@@ -109,9 +109,9 @@ LOW_HEIGHT = 50.0
 #   is 4.5 and 2.3 deg of bank. The aircraft rolls at 420 deg/s (the same page).
 # - least load factors: -1 g is discomfort (FAA-AM-72-28, table of tolerances), so no pilot pushes harder, and a race
 #   pilot does not push below weightlessness near the ground; a display pilot keeps half of the weight. Over the ends
-#   it is no number that a steady turn asks for as well, or nobody could tell what each of the two limits costs.
+#   it is no number that a steady turn asks for as well, or the costs of the two limits could not be told apart.
 # - sideslip and lateral load factor: a pilot keeps the ball centred; 2 deg and 0.1 g are what little rudder is left.
-# - settled ends: nobody kicks the rudder or pushes the stick in the last tenth of a second to win a millisecond.
+# - settled ends: no kick of the rudder or push of the stick in the last tenth of a second to win a millisecond.
 # - onset: 10 g/s is from level flight to the 10 g of the race in 0.9 s; 5 g/s is half of it.
 PILOT_PRESETS: dict[PilotPreset, PilotEntry] = {
     "none": PilotEntry(preset="none"),
@@ -407,7 +407,7 @@ class MarginsEntry(Schema):
         return by_key
 
 
-def tightened(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:
+def tighten(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:
     """Return a race with the margins of its track; valid only if nothing was reported."""
     margins = entry.by_key()
     limits = sorted({limit.key for limit in course_limits(race) if math.isfinite(limit.value)})

@@ -11,7 +11,7 @@ from airrace.files.inputs.inputs import DocumentReader, Inputs, build_course_and
 from airrace.files.inputs.kinds.kind import GateDefaultsEntry, KindEntry, PassingEntry, height_band
 from airrace.files.inputs.nodes import KeyPath, Reporter, ScalarNode, dotted
 from airrace.files.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides
-from airrace.files.inputs.rules import LimitsEntry, ReserveEntry, tightened, with_preset
+from airrace.files.inputs.rules import LimitsEntry, ReserveEntry, tighten, with_preset
 from airrace.files.inputs.schema import Schema, validate
 from airrace.files.inputs.track import TrackEntry, track_language
 from airrace.model.parameters import Parameter
@@ -92,7 +92,7 @@ class Variation:
                 course_and_air = build_course_and_air(entry, track)
                 race = replace(race, course=course_and_air.course, air=course_and_air.air)
         if entry and not findings:
-            race = tightened(race, entry.margins, track)
+            race = tighten(race, entry.margins, track)
             check_together(race, track)
         if findings:
             raise InputError(findings)

@@ -76,7 +76,7 @@ def is_plain_text(text: str) -> bool:
         return False
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Return a text as a double-quoted scalar, which is read back as this very text."""
     letters = ""
     for letter in text:
@@ -211,7 +211,7 @@ class _TreeBuilder:
         return entries
 
     def _key(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> str:
-        """Return the text of a key, whatever the value rules would make of it; empty if it was refused."""
+        """Return the text of a key before the value rules; empty if it was refused."""
         if isinstance(event, yaml.ScalarEvent):
             self._refuse_decoration(event, path)
             if not event.value:

@@ -28,13 +28,13 @@ SINCE_1970_MIN = 1e8
 SINCE_1970_MAX = 1e11
 """Up to this many, s."""
 MOVED_MIN = 50.0
-"""The distance between two samples that tell the speed of the aircraft, m."""
+"""The distance between two samples from which the speed of the aircraft follows, m."""
 ROWS_MAX = 200_000
 """The number of rows that are looked at for the speed, about."""
 RACE_SPEEDS = (15.0, 340.0)
-"""The speeds of aircraft in a race, m/s; they tell units that differ by a factor of 1000."""
+"""The speeds of aircraft in a race, m/s; they distinguish units that differ by a factor of 1000."""
 FLIGHT_SPEEDS = (2.0, 1000.0)
-"""The speeds of whatever flies at all, m/s."""
+"""The speeds of aircraft, m/s."""
 STRAYS_MAX = 5
 """The number of samples in a row, with wrong times while those around them agree, that are left out at least."""
 STEP_BACK_SAMPLES = 2000
@@ -59,8 +59,8 @@ def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
     if notation == "clock":
         return _clock_seconds(text)
     if notation == "hhmmss":
-        whole, _, decimals = text.partition(".")
-        digits = f"{int(whole):06d}"
+        integer, _, decimals = text.partition(".")
+        digits = f"{int(integer):06d}"
         return _clock_seconds(f"{digits[:-4]}:{digits[-4:-2]}:{digits[-2:]}.{decimals or 0}")
     value = float(text)
     if not math.isfinite(value):
@@ -129,7 +129,7 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
         InputError: the unit that is named cannot be true.
     """
     speed = usual_speed(time, places)
-    if math.isnan(speed):  # nothing moves, but numbers that count from 1970 tell their unit by their size
+    if math.isnan(speed):  # nothing moves, but numbers that count from 1970 show their unit by their size
         large = float(np.median(np.abs(time)))
         likely = next((name for name, tick in TICKS.items() if large * tick < SINCE_1970_MAX), "s")
         return TICKS[unit or likely], ()
@@ -198,23 +198,23 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
         while late < STEP_BACK_SAMPLES and row + late < len(time) and time[row + late] < time[before]:
             late += 1
         returns = row + late < len(time)
-        held = before
-        while early < STEP_BACK_SAMPLES and held >= cuts[-1] and (not keep[held] or time[held] > time[row]):
-            early += int(keep[held])
-            held -= 1
-        work += late + before - held
+        last = before
+        while early < STEP_BACK_SAMPLES and last >= cuts[-1] and (not keep[last] or time[last] > time[row]):
+            early += int(keep[last])
+            last -= 1
+        work += late + before - last
         if work > STEPS_BACK_WORK:
             refuse(path, int(lines[row]), "time runs backwards again and again; a log must be in the order of its time")
-        off = float(time[before] - time[row])
+        step_back = float(time[before] - time[row])
         if not returns and late > STRAYS_MAX:
             late = STEP_BACK_SAMPLES
         fewer = min(early, late)
-        if (fewer > STRAYS_MAX and fewer * usual > 0.5 * off) or fewer >= STEP_BACK_SAMPLES:
+        if (fewer > STRAYS_MAX and fewer * usual > 0.5 * step_back) or fewer >= STEP_BACK_SAMPLES:
             cuts.append(row)
         elif late <= early:
             keep[row : row + late] = False
         else:
-            keep[held + 1 : row] = False
+            keep[last + 1 : row] = False
     remarks: list[str] = []
     if not keep.all():
         first = int(lines[np.flatnonzero(~keep)[0]])

@@ -47,7 +47,7 @@ class Field:
     Attributes:
         name: in a mapping.
         history: the name of the history that it becomes; empty for the time.
-        units: the units it may be recorded in, each with its factor to SI; the first one is taken where none is said.
+        units: the units it may be recorded in, each with its factor to SI; the first one is the default.
         aliases: headers, in small letters and without their unit, by which it is known where there is no mapping.
     """
 
@@ -58,8 +58,8 @@ class Field:
 
 
 FIELDS = {
-    one.name: one
-    for one in (
+    field.name: field
+    for field in (
         Field("time", "", _TIMES, ("time", "t", "timestamp", "utc", "gps time")),
         Field("latitude", "latitude", _PLACE, ("latitude", "lat")),
         Field("longitude", "longitude", _PLACE, ("longitude", "lon", "lng", "long")),
@@ -96,7 +96,7 @@ _UNIT_ALIASES = {
 }
 _UNITS = {alias: unit for unit, aliases in _UNIT_ALIASES.items() for alias in aliases}
 _FOREIGN = frozenset(("kg", "lb", "lbs", "%", "v", "a", "hz", "rpm", "c", "f", "pa", "hpa", "inhg", "l", "gal", "w"))
-"""Units of nothing that is read: whoever names one means no header."""
+"""Units of quantities that are not read: a text that ends in one is no header of ours."""
 _BRACKETED = re.compile(r"^(?P<header>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
 _SUFFIXED = re.compile(
     r"^(?P<header>.+?)[_ ](?P<unit>m_s|m/s|km_h|km/h|deg|rad|kts?|ft|m|s|ms|us|usec|ns|g)$", re.IGNORECASE
@@ -138,16 +138,16 @@ class ColumnLayout:
     decimal_comma: bool = False
     accuracy: float = 0.0
 
-    def corrected(self, name: str, numbers: Array) -> Array:
+    def correct(self, name: str, numbers: Array) -> Array:
         """Return recorded numbers of a quantity, scaled and shifted."""
         return self.scales.get(name, 1.0) * numbers + self.offsets.get(name, 0.0)
 
 
 @dataclass(frozen=True)
 class CsvColumn:
-    """A column of the file: where it stands, what it records, and its unit; that is empty where none is said.
+    """A column of the file: where it stands, what it records, and its unit; empty where none is stated.
 
-    `usual` is the unit that its dialect has where the file says none.
+    `usual` is the unit that its dialect has where the file states none.
     """
 
     index: int
@@ -183,7 +183,7 @@ def split_unit(text: str) -> tuple[str, str]:
 def is_foreign_unit(field: Field, text: str) -> bool:
     """Return whether a text in brackets is a unit, but none of a field."""
     plain = " ".join(text.lower().split())
-    named = any(parse_unit(other, plain) is not None for other in FIELDS.values())
+    named = any(parse_unit(candidate, plain) is not None for candidate in FIELDS.values())
     return parse_unit(field, plain) is None and (named or plain in _FOREIGN)
 
 
@@ -222,16 +222,16 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
             the time cannot be true.
     """
     numbered = enumerate(lines, 1)
-    delimiter, columns, instance, rest = _find_headers(path, numbered, layout)
+    delimiter, columns, instance, unread = _find_headers(path, numbered, layout)
     timed = next(column for column in columns if column.field.name == "time")
     measured = [column for column in columns if column is not timed]
     samples, zoned = SampleTable(path, 1 + len(measured)), True
-    said = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
-    notation = said
+    stated = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
+    notation = stated
     indices, commas = [column.index for column in (timed, *measured)], layout.decimal_comma
-    garbled = 0  # times that are there and cannot be read
+    garbled = 0  # unreadable times
     receiver = ""  # the first of several
-    for at, line in _rows(samples, itertools.chain(rest, numbered)):
+    for at, line in _rows(samples, itertools.chain(unread, numbered)):
         row = _cells(line, delimiter)
         if len(row) <= max(indices) and not line.endswith("\n"):
             row = row[:-1]  # the file was cut in this cell
@@ -241,9 +241,8 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
                 samples.leave_out(at, f"is of another receiver than {receiver}", "receiver")
                 continue
         when, *cells = [row[index].strip() if index < len(row) else "" for index in indices]
-        if commas or (
-            delimiter != "," and not any("." in cell for cell in cells) and any("," in cell for cell in cells)
-        ):
+        joined = "".join(cells)
+        if commas or (delimiter != "," and "." not in joined and "," in joined):
             when, *cells = [cell.replace(",", ".") for cell in (when, *cells)]
         if not notation and when:
             notation = guess_notation(when)
@@ -252,14 +251,14 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         except (ValueError, OverflowError):
             example = "12.35, 14:03:07.25 or 2016-03-12T14:03:07.25Z"
             samples.leave_out(at, f"`{when[:40]}` is no time; expected one such as {example}", timed.header)
-            notation, garbled = notation if samples.lines else said, garbled + bool(when)
+            notation, garbled = notation if samples.lines else stated, garbled + bool(when)
             continue
         if not samples.lines and notation == "iso":
             zoned = names_zone(when)
-        values = [
-            samples.number(at, cell, column.header) if cell else math.nan
-            for column, cell in zip(measured, cells, strict=True)
-        ]
+        values = [math.nan] * len(measured)
+        for place, (column, cell) in enumerate(zip(measured, cells, strict=True)):
+            if cell:
+                values[place] = samples.number(at, cell, column.header)
         samples.append(at, seconds, *values)
     if len(samples.lines) < 2 or len(samples.lines) <= garbled:
         samples.refuse_first_fault()
@@ -267,19 +266,20 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         "holds no samples; expected one row for every instant, below a row of headers"
     )
     for column in measured:
-        if column.field.name in _ESSENTIAL and 2 * _unread(samples, column.header) >= len(time):
+        fault = samples.faults.get(column.header)
+        if column.field.name in _ESSENTIAL and fault is not None and 2 * fault.count >= len(time):
             samples.refuse_first_fault(column.header)
     histories = {
-        column.field.history: layout.corrected(column.field.name, cells) * column.factor(cells)
+        column.field.history: layout.correct(column.field.name, cells) * column.factor(cells)
         for column, cells in zip(measured, values, strict=True)
     }
     remarks = [*samples.remarks]
     if notation == "number":
-        tick, more = find_tick(
+        tick, tick_remarks = find_tick(
             path, time, _ground(histories), _NUMBERS.get(timed.unit, ""), split_unit(timed.header)[0]
         )
         time = time * tick
-        remarks += more
+        remarks += tick_remarks
     if not zoned and layout.zone is None:
         remarks.append("times name no zone and are taken as UTC")
     dated = notation == "iso" or (notation == "number" and float(np.median(time)) > SINCE_1970_MIN)
@@ -288,10 +288,6 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     mapped = tuple(FIELDS[name].history for name in {**layout.scales, **layout.offsets})
     begins = instant(float(time[0])) if dated else None
     return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), (), guessed, mapped)
-
-
-def _unread(samples: SampleTable, key: str) -> int:
-    return samples.faults[key].count if key in samples.faults else 0
 
 
 def _ground(histories: Mapping[str, Array]) -> Array:
@@ -303,7 +299,7 @@ def _ground(histories: Mapping[str, Array]) -> Array:
 
 
 def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Yield the lines that hold something, refusing a file that goes on and on without."""
+    """Yield the lines that hold something, refusing a file that goes on without any."""
     for at, line in numbered:
         if line.strip() and not line.startswith("#"):
             yield at, line
@@ -328,7 +324,7 @@ def _find_headers(
 ) -> tuple[str, list[CsvColumn], int, list[tuple[int, str]]]:
     """Return the delimiter, the columns that are read, and lines below the headers that were looked at already.
 
-    Before these lines stands the place of the column that tells receivers apart, -1 where there is none.
+    Before these lines stands the place of the column that distinguishes receivers, -1 where there is none.
     """
     best = (-1, 0, list[str]())
     above: tuple[str, list[str]] = ("", [])
@@ -340,20 +336,19 @@ def _find_headers(
         columns = _match(headers, layout)
         lacking = _lacking(columns, layout)
         if not lacking[0]:
-            units, rest = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
+            units, lines_below = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
             for number in range(ROWS_BELOW):
-                rest = list(itertools.islice(numbered, 1))
-                below = rest[0][1] if rest else ""
+                lines_below = list(itertools.islice(numbered, 1))
+                below = lines_below[0][1] if lines_below else ""
                 cells = _cells(below, delimiter)
-                if len(cells) > max(column.index for column in columns) and any(
-                    _is_number(cells, column.index) for column in columns
-                ):
+                complete = len(cells) > max(column.index for column in columns)
+                if complete and any(_is_number(cells, column.index) for column in columns):
                     break
                 units = cells if below.strip() and not number else units  # else sources, or headers once more
-                rest = []
+                lines_below = []
             dialect, plain = dialect_of(headers), [plain_header(header) for header in headers]
             instance = plain.index(dialect.instance) if dialect and dialect.instance in plain else -1
-            return delimiter, [_with_unit(column, units) for column in columns], instance, rest
+            return delimiter, [_with_unit(column, units) for column in columns], instance, lines_below
         if not line.startswith("#") and len(columns) > best[0]:
             best = len(columns), at, headers
         above = line, headers
@@ -369,11 +364,10 @@ def _find_headers(
 
 
 def _split_headers(line: str, layout: ColumnLayout) -> tuple[str, list[str]]:
-    likely = sorted((delimiter for delimiter in _DELIMITERS if delimiter in line), key=line.count, reverse=True) or [
-        " "
-    ]
-    if layout.delimiter:
-        likely = [layout.delimiter]
+    likely = [layout.delimiter]
+    if not layout.delimiter:
+        present = [delimiter for delimiter in _DELIMITERS if delimiter in line]
+        likely = sorted(present, key=line.count, reverse=True) or [" "]
     readings = [(mark, [cell.strip() for cell in _cells(line, mark)]) for mark in likely]
     return next((reading for reading in readings if dialect_of(reading[1]) is not None), readings[0])
 
@@ -407,13 +401,13 @@ def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
     bases = [split_unit(header)[0] for header in plain]
     for name, text in layout.columns.items():
         field, (base, unit) = FIELDS[name], split_unit(text)
-        whole = " ".join(text.split())
-        header = whole if whole in plain else base
+        title = " ".join(text.split())
+        header = title if title in plain else base
         if header not in plain:
             if base not in bases:
                 continue
             header = plain[bases.index(base)]
-        stated = "" if header == whole and base != whole and parse_unit(field, unit) is None else unit
+        stated = "" if header == title and base != title and parse_unit(field, unit) is None else unit
         recognised = recognise(header)
         if not stated and recognised is not None and recognised[0] is field:
             stated = recognised[1]
@@ -433,7 +427,7 @@ def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
 
 
 def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, str]:
-    """Return what columns lack for a log, and how one would name it; both empty where nothing is lacking."""
+    """Return what columns lack for a log, and how to name it; both empty where nothing is lacking."""
     names = {column.field.name for column in columns}
     if "time" not in names:
         return "column of time; its", "'time=TIME'"

@@ -31,9 +31,9 @@ ACCELERATION_FACTOR = 4.0
 TIME_FACTOR = 1.5
 """That of the position for the time of a passing: 68 and 95 % lie within one and two of these deviations."""
 SIDESLIP_MAX = math.radians(15.0)
-"""The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not tell."""
+"""The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not show."""
 UNKNOWN_PULL = 25.0
-"""The acceleration that nobody knows of where samples are missing, m/s^2."""
+"""The unknown acceleration where samples are missing, m/s^2."""
 VERTICAL_RATIO = 1.5
 """The ratio of the accuracy of heights to that over ground; that of satellites is usually 1.5 to 2 (assumption)."""
 WANDER_RATE = 0.7
@@ -144,8 +144,8 @@ def deviations_of(
         if roll is not None:
             pitch = abs(gamma) + abs(float(flight.values("alpha_A")[row]))
             slipping = 0.0 if full else sideslip * math.sin(min(pitch, 0.5 * math.pi))
-            own, seen = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
-            bank = math.hypot(own, seen, slipping, tilt, WINGS)
+            measured, climbing = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
+            bank = math.hypot(measured, climbing, slipping, tilt, WINGS)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)

@@ -15,7 +15,7 @@ class Dialect:
 
     Attributes:
         name: of the recorder.
-        headers: that tell it, as `plain_header` returns them.
+        headers: by which it is recognised, as `plain_header` returns them.
         columns: by the name of the quantity, the headers that it may have, the best first, each with its unit; an empty
             unit is found out.
         source: where the headers are described.

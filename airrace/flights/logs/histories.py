@@ -21,7 +21,7 @@ SPEED_MIN = 1.0
 HOLE = 0.5
 """The time between two samples of a history beyond which nothing is known between them, s."""
 STEEP = np.radians(60.0)
-"""The climb angle beyond which a roll alone tells no bank, rad."""
+"""The climb angle beyond which no bank follows from a roll alone, rad."""
 ALPHA_MAX = 0.35
 """The largest angle of attack that is plausible, rad."""
 DECLARATIONS = {

@@ -117,7 +117,7 @@ def recorded_path(path: Path, time: Array, places: Array, begin: float, end: flo
     """
     down, good = np.array([[1.0], [1.0], [-1.0]]), ~path.outliers & np.isfinite(places).all(axis=0)
     good &= (time >= begin) & (time <= end)
-    first, last = time[good][[0, -1]].tolist()  # where no place is near nobody knows the lift
+    first, last = time[good][[0, -1]].tolist()  # where no place is near the lift is unknown
     inside = (path.time > first - STEP) & (path.time < last + STEP)
     nodes = path.time[inside]
     position, velocity, force = (
@@ -145,7 +145,7 @@ class Estimate:
 
     Attributes:
         factors: logarithms of the factors of C_D0, k and power, shape (3,); zero where they are not visible.
-        visible: whether the data tell them, shape (3,).
+        visible: whether the data determine them, shape (3,).
         winds: in addition to the course's, north and east, by path, m/s, shape (l, 2).
         covariance: of factors and winds, shape (3 + 2 l, 3 + 2 l).
     """
@@ -236,12 +236,12 @@ def _eliminate(path: RecordedPath, step: ca.Function, values: Array) -> tuple[Ar
         right[:, part, 0] -= e * np.sum(e * path.states[:, part], axis=1)[:, None] / ALONG_PATH_DEVIATION**2
     t, node = path.late[:, None], path.node
     curve = 0.5 * t * t * acceleration.T[node]
-    off = path.places - path.states[node, :3] - t * path.states[node, 3:6] - curve
+    residuals = path.places - path.states[node, :3] - t * path.states[node, 3:6] - curve
     sensitivity = np.hstack([t**0, t, 0.5 * t * t, 0.0 * t])
-    seen = (sensitivity[:, None, :, None] * np.eye(3)[:, None, :]).reshape(len(t), 3, STATES)
-    np.add.at(D, node, np.einsum("mai,a,maj->mij", seen, path.noise**-2, seen))
-    np.add.at(right[:, :, 0], node, np.einsum("mai,a,ma->mi", seen, path.noise**-2, off))
-    path.residuals = np.sum(off / path.noise * e[node], axis=1)
+    jacobian = (sensitivity[:, None, :, None] * np.eye(3)[:, None, :]).reshape(len(t), 3, STATES)
+    np.add.at(D, node, np.einsum("mai,a,maj->mij", jacobian, path.noise**-2, jacobian))
+    np.add.at(right[:, :, 0], node, np.einsum("mai,a,ma->mi", jacobian, path.noise**-2, residuals))
+    path.residuals = np.sum(residuals / path.noise * e[node], axis=1)
     border = right[:, :, 1:].copy()
     inverses, X, jumps = np.empty_like(D), right, np.zeros(n - 1)
     inverses[0] = np.linalg.inv(D[0])
@@ -356,8 +356,9 @@ class RollRate:
 
 def measure_roll_rate(aircraft: Aircraft, logs: Sequence[LogFlight]) -> RollRate | None:
     """Return the roll rate of the quickest roll of all logs; None where none of them shows one that is held."""
-    seen = [roll_rate for roll_rate in (_log_roll_rate(aircraft, log) for log in logs) if roll_rate is not None]
-    return max(seen, key=lambda roll_rate: roll_rate.factor, default=None)
+    estimates = [_log_roll_rate(aircraft, log) for log in logs]
+    roll_rates = [estimate for estimate in estimates if estimate is not None]
+    return max(roll_rates, key=lambda roll_rate: roll_rate.factor, default=None)
 
 
 def _log_roll_rate(aircraft: Aircraft, log: LogFlight) -> RollRate | None:
@@ -376,8 +377,8 @@ def _log_roll_rate(aircraft: Aircraft, log: LogFlight) -> RollRate | None:
     rate = float(means.max()) - GREATEST_EXCESS * deviation
     if rate <= 0.0 or means.max() < STEADY_SHARE * shorter.max():
         return None
-    found = RollRate(math.log(rate), math.hypot(deviation / rate, AIRSPEED_DEVIATION))
-    return found if found.deviation < VISIBLE_RATE_DEVIATION and abs(found.factor) < RATE_FACTOR_MAX else None
+    estimate = RollRate(math.log(rate), math.hypot(deviation / rate, AIRSPEED_DEVIATION))
+    return estimate if estimate.deviation < VISIBLE_RATE_DEVIATION and abs(estimate.factor) < RATE_FACTOR_MAX else None
 
 
 def _means(values: Array, count: int) -> Array:

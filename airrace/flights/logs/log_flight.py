@@ -42,7 +42,7 @@ class LogFlight:
     Attributes:
         flight: with its histories and crossings; its clock starts at the start.
         violations: of the rules.
-        known: how well every passing is known, by the names of the passages.
+        known: the accuracy of every passing, by the names of the passages.
         recording: the part of the log that it was made from, on the clock of the log.
         offset: the time of the log at which the flight's clock starts, s.
         remarks: for the reader, as sentences.
@@ -100,14 +100,14 @@ def flight_of_part(
     placed = part.select(np.isfinite(part.columns["x"]))
     places, least = np.stack([placed.columns[name] for name in ("x", "y", "height")]), place_roundings(placed)
     if np.isfinite(places[2]).sum() < 2:
-        refuse(part.path, 0, "tells no heights on the course")
+        refuse(part.path, 0, "has no heights on the course")
     path = smooth(placed.time, places, noise, least)
     fine = path.time[0] + SAMPLING * np.arange(int((path.time[-1] - path.time[0]) / SAMPLING) + 1)
     (x, y, _), _, _ = path.at(fine)
-    again = find_runs(race, fine, x, y)
-    if not again:
+    runs = find_runs(race, fine, x, y)
+    if not runs:
         refuse(part.path, 0, "its positions scatter too widely for a passing to be seen")
-    final = max(again, key=lambda one: len(one.made))
+    final = max(runs, key=lambda run: len(run.made))
     part = plausible(part, path, race)
     flight = _flight(race, part, path, final, label)
     axes = {
@@ -118,10 +118,10 @@ def flight_of_part(
     bias, biases = height_bias(flight, axes)
     (late, tilt), offsets = roll_offsets(race, part, path, final) if is_measured(flight, "phi") else ((0.0, 0.0), ())
     deviations = deviations_of(part, path, least, flight, final.begin, axes, bias=bias, late=late, tilt=tilt)
-    known = {crossing.name: deviations(crossing.time) for crossing in flight.crossings if crossing.found}
-    remarks = (*part.remarks, *biases, *offsets, *_remarks(placed, path, flight, known))
+    accuracies = {crossing.name: deviations(crossing.time) for crossing in flight.crossings if crossing.found}
+    remarks = (*part.remarks, *biases, *offsets, *_remarks(placed, path, flight, accuracies))
     broken = violations(flight, axes, deviations, penalties)
-    return LogFlight(flight, broken, known, part, final.begin, remarks, noise)
+    return LogFlight(flight, broken, accuracies, part, final.begin, remarks, noise)
 
 
 def _choose_flight(
@@ -183,14 +183,14 @@ def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
     rows = np.unique([*rows.tolist(), len(placed.time) - 1])
     inside = placed.time[rows]
     time = np.concatenate([[inside[0] - edge], inside, [inside[-1] + edge]])
-    near = np.minimum(len(rows) - 1, 3)
+    step_rows = np.minimum(len(rows) - 1, 3)
     places: list[Array] = []
     for name in ("x", "y"):
         values = placed.columns[name][rows]
         ahead, behind = values[0], values[-1]
-        if near > 0:
-            ahead = ahead - (values[near] - values[0]) / (inside[near] - inside[0]) * edge
-            behind = behind + (values[-1] - values[-1 - near]) / (inside[-1] - inside[-1 - near]) * edge
+        if step_rows > 0:
+            ahead = ahead - (values[step_rows] - values[0]) / (inside[step_rows] - inside[0]) * edge
+            behind = behind + (values[-1] - values[-1 - step_rows]) / (inside[-1] - inside[-1 - step_rows]) * edge
         places.append(np.concatenate([[ahead], values, [behind]]))
     return time, places[0], places[1]
 
@@ -224,25 +224,28 @@ def _passing_times(passages: Sequence[Passage], run: CourseRun, flight: Flight) 
     for index, passage in enumerate(passages):
         if stands(passage):
             continue
-        before = max((one for one in times[:index] if math.isfinite(one)), default=0.0)
+        before = max((time for time in times[:index] if math.isfinite(time)), default=0.0)
         later = zip(passages[index + 1 :], times[index + 1 :], strict=True)
-        after = next((one for other, one in later if stands(other) and math.isfinite(one)), float(flight.time[-1]))
+        after = next(
+            (time for neighbour, time in later if stands(neighbour) and math.isfinite(time)), float(flight.time[-1])
+        )
         rows = np.flatnonzero((flight.time > before) & (flight.time < after))
         if not len(rows):
             continue
         columns = {name: flight[name][rows] for name in ("x", "y", "z")} | {"climb_sine": np.sin(flight["gamma"][rows])}
-        off = np.zeros(len(rows))
+        violation = np.zeros(len(rows))
         for name, allowed in passage.element.conditions(passage.element.axis or 0.0).items():
             if name in columns:
                 scale = 100.0 if name == "climb_sine" else 1.0  # an angle weighs as much as so many metres
                 values = scale * columns[name]
-                off += np.maximum(values - scale * allowed.upper, 0.0) + np.maximum(scale * allowed.lower - values, 0.0)
-        best = rows[off <= off.min() + 1e-9]
+                violation += np.maximum(values - scale * allowed.upper, 0.0)
+                violation += np.maximum(scale * allowed.lower - values, 0.0)
+        best = rows[violation <= violation.min() + 1e-9]
         times[index] = float(flight.time[best[np.argmax(flight["height"][best])]])
     return times
 
 
-def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, StandardDeviations]) -> list[str]:
+def _remarks(part: Recording, path: Path, flight: Flight, accuracies: Mapping[str, StandardDeviations]) -> list[str]:
     """Return sentences on rate, noise, outliers and gaps; times are those of the flight's clock."""
     steps = np.diff(part.time)
     usual = float(np.median(steps))
@@ -265,7 +268,7 @@ def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, St
     estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not is_measured(flight, name)]
     if estimated:
         remarks.append(f"estimated from the positions, not recorded: {', '.join(estimated)}")
-    times = [deviation.time for deviation in known.values()]
+    times = [deviation.time for deviation in accuracies.values()]
     if times:
         usual, worst = (1e3 * float(seconds) for seconds in (np.median(times), max(times)))
         remarks.append(f"times of passings are known to {usual:.2g} ms, the worst one to {worst:.2g} ms")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.logs.clocks import spread_repeated, true_times
-from airrace.flights.logs.recording import Recording, count_of, held, refuse
+from airrace.flights.logs.recording import Recording, count_of, refuse, repeats
 from airrace.model.track.course import Passage, metres
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
@@ -32,7 +32,7 @@ SAME_TIME = 1e-4
 ASIDE = 60.0
 """The distance from the centre of an element beyond which, or beyond its reach, nothing is a passing, m."""
 SILENCE = 10.0
-"""The time between two samples beyond which nobody knows what was passed between them, s."""
+"""The time between two samples beyond which what was passed between them is unknown, s."""
 COST_DISTANCE = 10.0
 """The distance from the centre at which a passing costs 1, m."""
 SLANT_COST = 20.0
@@ -58,7 +58,7 @@ MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
 def in_order(recording: Recording) -> Recording:
     """Return the recording with times that run forwards, and without what is no measurement.
 
-    Left out are times that cannot be true, samples that say nothing, positions that repeat a time, and numbers that
+    Left out are times that cannot be true, empty samples, positions that repeat a time, and numbers that
     only repeat an earlier measurement; these are NaN then.
 
     Raises:
@@ -71,9 +71,9 @@ def in_order(recording: Recording) -> Recording:
     columns = recording.columns
     placed = _place(recording)
     recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]
-    tells: NDArray[np.bool_] = np.logical_or.reduce([placed, *recorded])
+    informative: NDArray[np.bool_] = np.logical_or.reduce([placed, *recorded])
     remarks = ()
-    if silent := int((~tells).sum()):
+    if silent := int((~informative).sum()):
         remarks += (f"{count_of(silent, 'sample')} without a position and left out",)
     time, apart, last = recording.time[placed], np.ones(int(placed.sum()), bool), 0.0
     for row in (np.flatnonzero(np.diff(time) < SAME_TIME) + 1).tolist():
@@ -83,18 +83,18 @@ def in_order(recording: Recording) -> Recording:
     if repeated := int((~apart).sum()):
         nearest = f"{1e3 * SAME_TIME:g} ms"
         remarks += (f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another",)
-    tells[np.flatnonzero(placed)] = apart
-    fresh = _with_fresh_columns(recording.select(tells, *remarks))
+    informative[np.flatnonzero(placed)] = apart
+    fresh = _with_fresh_columns(recording.select(informative, *remarks))
     heights = [np.isfinite(fresh.columns[name][_place(fresh)]) for name in HEIGHTS if name in columns]
     if _place(fresh).sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
     if np.logical_or.reduce(heights).sum() < 2:
-        refuse(recording.path, 0, "tells no heights; a flight over a course needs them")
+        refuse(recording.path, 0, "has no heights; a flight over a course needs them")
     return fresh
 
 
 def _place(recording: Recording) -> NDArray[np.bool_]:
-    """Return which samples tell where they are over ground."""
+    """Return which samples have a position over ground."""
     columns = recording.columns
     return np.asarray(
         np.logical_and.reduce([np.isfinite(columns[place]) for place in PLACES if place in columns]), np.bool_
@@ -107,7 +107,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
     places = [name for name in PLACES if name in columns]
     finite = np.flatnonzero(_place(recording))
     stale = np.zeros(len(recording.time), bool)
-    stale[finite] = held(np.stack([columns[name][finite] for name in places]), recording.time[finite])
+    stale[finite] = repeats(np.stack([columns[name][finite] for name in places]), recording.time[finite])
     if stale.any():
         rows = len(finite) / max(len(finite) - int(stale.sum()), 1)
         remarks.append(f"positions are held over {rows:.3g} rows in the mean: only fresh ones count")
@@ -119,7 +119,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
         values = columns[name]
         finite = np.flatnonzero(np.isfinite(values))
         repeated = np.zeros(len(values), bool)
-        repeated[finite] = held(values[None, finite], recording.time[finite])
+        repeated[finite] = repeats(values[None, finite], recording.time[finite])
         if name in HEIGHTS:
             repeated |= stale & (np.diff(values, prepend=np.nan) == 0.0)
             missing = _missing_heights(values)
@@ -148,7 +148,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
     Samples without a position stay.
 
     Raises:
-        InputError: it tells latitude and longitude and the course has no origin, or it is nowhere near the course.
+        InputError: it has latitude and longitude and the course has no origin, or it is nowhere near the course.
     """
     course, columns = race.course, dict(recording.columns)
     if "x" not in columns:
@@ -156,7 +156,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
             refuse(
                 recording.path,
                 0,
-                f"tells latitude and longitude, but the course {course.name} has no origin; give it one with "
+                f"has latitude and longitude, but the course {course.name} has no origin; give it one with "
                 "--set origin.latitude_deg=... and --set origin.longitude_deg=...",
             )
         latitude, longitude = columns["latitude"], columns["longitude"]
@@ -290,7 +290,8 @@ def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
         if len(best.made) < max(0.5 * needed, 1):
             return sorted(runs, key=lambda run: run.begin)
         runs.append(best)
-        crossings = [[crossing for crossing in row if not best.begin <= crossing.time <= best.end] for row in crossings]
+        for place, row in enumerate(crossings):
+            crossings[place] = [crossing for crossing in row if not best.begin <= crossing.time <= best.end]
 
 
 def _best_run(passages: Sequence[Passage], crossings: Sequence[Sequence[LineCrossing]]) -> CourseRun:

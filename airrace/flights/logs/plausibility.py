@@ -69,7 +69,7 @@ _ANGLES = ("phi", "theta", "psi")
 
 
 def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
-    """Return the recording with heights in feet, where their unit is not said and only so they fit the course."""
+    """Return the recording with heights in feet, where their unit is not stated and only so they fit the course."""
     name = next((height for height in HEIGHTS if height in framed.unsaid), None)
     finite = np.isfinite(framed.columns["height"])
     if name is None or not finite.any():
@@ -80,20 +80,18 @@ def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
     feet = (metres + ground) * _FOOT - ground
     axes = [0.0 if passing is None else passing.axis for passing in run.passings]
     windows = [height_window(passage.element, axis) for passage, axis in zip(race.course.passages, axes, strict=True)]
-    off = _beyond(metres, windows)
-    if len(off) < WINDOWS_MIN or np.median(np.abs(off)) < TOO_HIGH:
+    excess = _beyond(metres, windows)
+    if len(excess) < WINDOWS_MIN or np.median(np.abs(excess)) < TOO_HIGH:
         return framed
     scatter = float(np.ptp(metres[np.isfinite(_all_beyond(metres, windows))]))
     widest = max(window.upper - window.lower for window in windows if math.isfinite(window.upper - window.lower))
-    if (
-        np.median(np.abs(_beyond(feet, windows))) > FEET_LEFT * np.median(np.abs(off))
-        or scatter < FEET_SCATTER * widest
-    ):
+    left = np.median(np.abs(_beyond(feet, windows)))
+    if left > FEET_LEFT * np.median(np.abs(excess)) or scatter < FEET_SCATTER * widest:
         return framed
     columns = {**framed.columns, "height": (framed.columns["height"] + ground) * _FOOT - ground}
     if name == "altitude":
         columns["altitude"] = framed.columns["altitude"] * _FOOT
-    remark = f"heights are taken as feet: as metres they are {np.median(off):.0f} m off the windows of the course"
+    remark = f"heights are taken as feet: as metres they are {np.median(excess):.0f} m off the windows of the course"
     return replace(framed, columns=columns, remarks=(*framed.remarks, remark))
 
 
@@ -103,15 +101,13 @@ def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple
     Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
     """
     heights = np.array([crossing.value("height") for crossing in flight.crossings])
-    off = _beyond(
-        heights,
-        [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings],
-    )
-    if len(off) < WINDOWS_MIN or abs(np.median(off)) < ZERO_SHIFT:
+    windows = [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings]
+    excess = _beyond(heights, windows)
+    if len(excess) < WINDOWS_MIN or abs(np.median(excess)) < ZERO_SHIFT:
         return 0.0, ()
-    if np.mean(np.sign(off) == np.sign(np.median(off))) < BIASED_SHARE:
+    if np.mean(np.sign(excess) == np.sign(np.median(excess))) < BIASED_SHARE:
         return 0.0, ()
-    bias = float(np.median(off))
+    bias = float(np.median(excess))
     side = "high" if bias > 0.0 else "low"
     remark = (
         f"almost all passings are about {abs(bias):.2g} m too {side}: are heights in another unit, or of another zero?"
@@ -124,7 +120,7 @@ def roll_offsets(
 ) -> tuple[tuple[float, float], tuple[str, ...]]:
     """Return by how much the recorded roll is late, s, and off, rad, both without sign, and remarks.
 
-    In turns the roll is that of the path but for two things that no sample tells: its clock may be another than that
+    In turns the roll is that of the path but for two things that no sample shows: its clock may be another than that
     of the positions, and its sensor may be mounted obliquely. They are found where roll and path agree best.
     """
     time = path.time[(path.time >= run.begin) & (path.time <= run.end)]
@@ -146,23 +142,23 @@ def roll_offsets(
             f"the recorded roll comes {abs(late):.2f} s {side} against the positions: banks are less certain"
         )
     if abs(math.degrees(tilt)) > REPORTED[1]:
-        off = f"{math.degrees(tilt):.1f} deg"
-        remarks.append(f"the recorded roll is off the path's by {off}, so that banks are less certain")
+        degrees = f"{math.degrees(tilt):.1f} deg"
+        remarks.append(f"the recorded roll is off the path's by {degrees}, so that banks are less certain")
     return (math.hypot(late, LAG_STEP / math.sqrt(12.0)), abs(tilt)), tuple(remarks)
 
 
 def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
     """Return by how much each height is beyond its window, m; NaN where there is no window, or no height."""
-    excess = [
-        beyond(h, window) if math.isfinite(window.upper) else math.nan
-        for h, window in zip(heights, windows, strict=True)
-    ]
-    return np.where(np.isfinite(heights), np.array(excess), np.nan)
+    excess = np.full(len(heights), math.nan)
+    for row, (height, window) in enumerate(zip(heights, windows, strict=True)):
+        if math.isfinite(window.upper) and math.isfinite(height):
+            excess[row] = beyond(height, window)
+    return excess
 
 
 def _beyond(heights: Array, windows: Sequence[Interval]) -> Array:
-    off = _all_beyond(heights, windows)
-    return off[np.isfinite(off)]
+    excess = _all_beyond(heights, windows)
+    return excess[np.isfinite(excess)]
 
 
 def plausible(part: Recording, path: Path, race: Race) -> Recording:
@@ -183,18 +179,18 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
     def difference(
         name: str, true: Array, where: NDArray[np.bool_], measure: Callable[[Array], Array] = np.asarray
     ) -> float:
-        off = measure(columns[name][rows] - true)[where & np.isfinite(columns[name][rows])]
-        return float(np.median(np.abs(off))) if len(off) else 0.0
+        differences = measure(columns[name][rows] - true)[where & np.isfinite(columns[name][rows])]
+        return float(np.median(np.abs(differences))) if len(differences) else 0.0
 
     def drop(names: tuple[str, ...], why: str) -> None:
         dropped = [name for name in names if columns.pop(name, None) is not None]
         remarks.append(f"the recorded {', '.join(dropped)} {'is' if len(dropped) == 1 else 'are'} not used: {why}")
 
     for name in ("V_G", "V_A", "V_I"):
-        there = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
-        if not there.any():
+        recorded = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
+        if not recorded.any():
             continue
-        ratio = float(np.median(columns[name][rows][there] / derived["V_K"][there]))
+        ratio = float(np.median(columns[name][rows][recorded] / derived["V_K"][recorded]))
         if name in part.unsaid and ratio > 0.0:
             unit = min(_SPEEDS, key=lambda unit: abs(math.log(ratio * _SPEEDS[unit])))
             if unit != "m/s":
@@ -208,11 +204,11 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
         remarks += remark
     if "n_z" in columns and difference("n_z", derived["n_z"], turning) > LOAD_DIFFERENCE:
         drop(("n_z",), f"in turns it is off the path's by {difference('n_z', derived['n_z'], turning):.1f} g")
-    there = [name for name in _ANGLES if name in columns and name in part.unsaid]
-    largest = float(np.nanmax(np.abs(columns[there[0]]), initial=0.0)) if there else 0.0  # of the roll, if any
-    moves = bool(there) and float(np.nanstd(np.degrees(columns[there[0]]))) > ROLL_SCATTER
+    angles = [name for name in _ANGLES if name in columns and name in part.unsaid]
+    largest = float(np.nanmax(np.abs(columns[angles[0]]), initial=0.0)) if angles else 0.0  # of the roll, if any
+    moves = bool(angles) and float(np.nanstd(np.degrees(columns[angles[0]]))) > ROLL_SCATTER
     if 0.0 < math.degrees(largest) < FULL_TURN and turning.any() and moves:
-        for name in there:
+        for name in angles:
             columns[name] = np.degrees(columns[name])
         remarks.append("angles are taken in radians, for none is larger than a full turn of these")
     banked = turning & (np.abs(np.sin(mu)) > BANKED_SINE)
@@ -229,7 +225,7 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             columns[name] = np.where(stuck, np.nan, columns[name])
             first = int(part.lines[stuck][0])
             remarks.append(f"the recorded {what} stands still in turns from line {first} on and is not used there")
-    off, turned = (difference("phi", one, banked, _around) if "phi" in columns else 0.0 for one in (mu, -mu))
+    off, turned = (difference("phi", bank, banked, _around) if "phi" in columns else 0.0 for bank in (mu, -mu))
     if turned < BANK_DIFFERENCE < off:
         columns["phi"] = -columns["phi"]
         remarks.append("the recorded roll is taken with the other sign: so it fits the turns of the path")

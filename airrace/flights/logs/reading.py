@@ -43,7 +43,7 @@ DAMAGES = (
 )
 """What `zipfile` raises for archives that it cannot unpack."""
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Those whose unpackers need the same memory whatever an archive says: LZMA reserves as much as its header claims."""
+"""The methods whose unpackers need a fixed amount of memory: LZMA reserves as much as its header claims."""
 _PACKED, _SMALL = 200, 10_000_000
 """Times the size of an archive that a large content may have (texts of flights are packed to a tenth); bytes of one."""
 
@@ -58,7 +58,7 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
 
     Args:
         path: the file; `-` for stdin.
-        layout: how it is to be understood where it does not say so itself.
+        layout: its meaning where the file does not state it.
         aircraft: which one of an ACMI recording; None for the first.
 
     Raises:
@@ -66,8 +66,8 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
     """
     columns = layout or ColumnLayout()
     recording = _read(path, columns, aircraft)
-    others = tuple(replace(track, accuracy=columns.accuracy) for track in recording.others)
-    return replace(recording, accuracy=columns.accuracy, others=others)
+    tracks = tuple(replace(track, accuracy=columns.accuracy) for track in recording.others)
+    return replace(recording, accuracy=columns.accuracy, others=tracks)
 
 
 def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
@@ -133,7 +133,7 @@ def _encoding(first: bytes) -> str:
 
 
 def _lines(path: str, file: IO[bytes], encoding: str) -> Iterator[str]:
-    """Yield the lines, whatever ends them; none of them without end, and all together no longer than they may be."""
+    """Yield the lines with any kind of end, limited in length and in total size."""
     number, size = 0, 0
     text = io.TextIOWrapper(cast(BinaryIO, file), encoding, errors="replace", newline=None)
     try:
@@ -146,7 +146,7 @@ def _lines(path: str, file: IO[bytes], encoding: str) -> Iterator[str]:
             yield line
     finally:
         with contextlib.suppress(ValueError):  # it may be closed already
-            text.detach()  # whoever opened the file closes it
+            text.detach()  # the caller closes the file
 
 
 def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...], what: str) -> zipfile.ZipInfo:
@@ -216,11 +216,11 @@ def _parse(
     """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML.
 
     Every element is taken as it ends, with its last line. Where only elements of one name are to be read (`only`) with
-    what they hold, all others are taken empty and there is no root: whatever else a document holds needs no memory.
+    what they hold, all others are taken empty and there is no root, so the rest of the document needs no memory.
     """
     encoding = None
-    if (declared := _DECLARED.match(content)) and (known := _codec(declared[1].decode())) in _MULTIBYTE:
-        content, encoding = content.decode(known, "replace").encode(), "utf-8"
+    if (declared := _DECLARED.match(content)) and (codec := _codec(declared[1].decode())) in _MULTIBYTE:
+        content, encoding = content.decode(codec, "replace").encode(), "utf-8"
     builder, parser = TreeBuilder(), expat.ParserCreate(encoding, namespace_separator=" ")
     depth, inside = 0, 0  # of all elements, and of those that are read
 
@@ -305,8 +305,8 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
     remarks = read.remarks
     if len(recorded) > 1:
         remarks += (f"it holds {len(recorded)} recorded tracks",)
-    first, *others = [_gpx_track(path, one, remarks, f"track {row}") for row, one in enumerate(recorded, 1)]
-    return replace(first, others=tuple(others))
+    first, *further = [_gpx_track(path, table, remarks, f"track {row}") for row, table in enumerate(recorded, 1)]
+    return replace(first, others=tuple(further))
 
 
 def _gpx_track(path: str, samples: SampleTable, remarks: tuple[str, ...], label: str) -> Recording:

@@ -38,7 +38,7 @@ FIX = re.compile(r"B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([A
 _DATE = re.compile(r"H[FOP]DTE(?:DATE)?:?\s*(\d\d)(\d\d)(\d\d)")
 _ADDITION = re.compile(r"(\d\d)(\d\d)([A-Z]{3})")
 _MISSING = 5.0
-"""How far from what the others tell a height of zero is none, m."""
+"""The distance from the expected height beyond which a height of zero is a missing one, m."""
 
 
 def read_igc(path: str, lines: Iterable[str]) -> Recording:
@@ -103,9 +103,9 @@ def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, i
     fix names no place on the globe, or no time.
     """
     more = {code: text for code, (first, last) in additions.items() if (text := line[first:last]).isdecimal()}
-    hours, minutes, seconds, south, north, ns, east, rest, ew, validity, baro, gnss = fix.groups()
+    hours, minutes, seconds, south, north, ns, east, longitude_minutes, ew, validity, baro, gnss = fix.groups()
     fraction, lad, lod = (float(f"0.{more.get(code, '0')}") for code in ("TDS", "LAD", "LOD"))
-    angles = int(south) + (int(north) + lad) / 60000.0, int(east) + (int(rest) + lod) / 60000.0
+    angles = int(south) + (int(north) + lad) / 60000.0, int(east) + (int(longitude_minutes) + lod) / 60000.0
     if angles[0] > 90.0 or angles[1] > 180.0 or int(hours) > 24 or int(minutes) > 59 or int(seconds) > 60:
         return None
     latitude, longitude = (math.radians(angle) for angle in angles)
@@ -115,7 +115,7 @@ def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, i
 
 
 def _with_missing(gnss: Array, baro: Array, remarks: list[str]) -> Array:
-    """Return the heights of the satellites, NaN where they are zero although the barometer tells another height."""
+    """Return the heights of the satellites, NaN where they are zero although the barometer shows another height."""
     zero, place = gnss == 0.0, np.arange(len(gnss))
     if not zero.any():
         return gnss
@@ -183,13 +183,13 @@ class _RecordedObject:
         return self.samples is not None and len(set(self.samples.columns[0][:1000])) >= 2
 
 
-def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Recording:
+def read_acmi(path: str, lines: Iterable[str], aircraft: str | None = None) -> Recording:
     """Return the flight of one aircraft of an ACMI recording, with those of the others.
 
     Args:
         path: of the file, for messages.
         lines: of the file.
-        wanted: the name, pilot, call sign or number of the aircraft; None for any.
+        aircraft: its name, pilot, call sign or number; None for any.
 
     Raises:
         InputError: it is no such recording, it is too large, or there is no such aircraft.
@@ -213,7 +213,8 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
             continue
         name, *parts = line.replace("\\,", "\0").split(",")  # commas behind a backslash belong to a value
         name = name.strip().lower()[:TEXT_MAX]
-        properties = {key: value for key, _, value in (part.replace("\0", ",").partition("=") for part in parts)}
+        entries = [part.replace("\0", ",").partition("=") for part in parts]
+        properties = {key: value for key, _, value in entries}
         if name == "0":
             common |= {key: properties[key][:TEXT_MAX] for key in _COMMON if key in properties}
             continue
@@ -221,18 +222,19 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
             if len(objects) >= OBJECTS_MAX:
                 refuse(path, number, f"holds more than {OBJECTS_MAX} objects; cut the log to the flight")
             objects[name] = _RecordedObject()
-        one = objects[name]
-        one.update(read, number, properties)
+        recorded = objects[name]
+        recorded.update(read, number, properties)
         if "T" in properties:
             read.append(number)
-            one.samples = one.samples or SampleTable(path, 1 + len(_COLUMNS))
-            one.samples.append(number, time, *one.now)
-    flying = _choose(path, objects, wanted, read)
+            recorded.samples = recorded.samples or SampleTable(path, 1 + len(_COLUMNS))
+            recorded.samples.append(number, time, *recorded.now)
+    flying = _choose(path, objects, aircraft, read)
     remarks = read.remarks
     if len(flying) > 1:
-        remarks += (f"it holds {len(flying)} aircraft: {enumerate_words([_name_of(*one) for one in flying.items()])}",)
-    first, *others = [_recording(path, one, common, remarks) for one in flying.values()]
-    return replace(first, others=tuple(others))
+        names = enumerate_words([_name_of(*entry) for entry in flying.items()])
+        remarks += (f"it holds {len(flying)} aircraft: {names}",)
+    first, *companions = [_recording(path, recorded, common, remarks) for recorded in flying.values()]
+    return replace(first, others=tuple(companions))
 
 
 def _logical_lines(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
@@ -266,7 +268,7 @@ def _logical_lines(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
 def _choose(
     path: str, objects: Mapping[str, _RecordedObject], aircraft: str | None, read: SampleTable
 ) -> dict[str, _RecordedObject]:
-    """Return the aircraft that move, or the one that is wanted, by their numbers."""
+    """Return the aircraft that move, or the selected one, by their numbers."""
     moving = {name: recorded for name, recorded in objects.items() if recorded.moves}
     chosen = {name: recorded for name, recorded in moving.items() if recorded.may_fly}
     if aircraft is not None:
@@ -274,8 +276,8 @@ def _choose(
     if not chosen:
         read.refuse_first_fault()
         moving_names = enumerate_words([_name_of(*entry) for entry in moving.items()]) or "none that moves"
-        asked = "an aircraft" if aircraft is None else f"`{aircraft[:60]}`"
-        refuse(path, 0, f"holds no flight of {asked}; it has {moving_names}")
+        subject = "an aircraft" if aircraft is None else f"`{aircraft[:60]}`"
+        refuse(path, 0, f"holds no flight of {subject}; it has {moving_names}")
     typed = {name: recorded for name, recorded in chosen.items() if "Type" in recorded.properties}
     return typed or chosen
 
@@ -297,7 +299,7 @@ def _recording(
             columns[name] = columns[name] + math.radians(recorded_object.samples.number(0, common[key], key))
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     if missing := [name for name in ("longitude", "latitude", "altitude") if name not in columns]:
-        refuse(path, 0, f"tells no {missing[0]} of `{_name_of('', recorded_object)}`")
+        refuse(path, 0, f"has no {missing[0]} of `{_name_of('', recorded_object)}`")
     try:
         begins = instant(datetime.fromisoformat(common["ReferenceTime"]).timestamp() + times[0])
     except (KeyError, ValueError, OverflowError, OSError):
@@ -340,7 +342,7 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
                 _append(samples, number, {field.name: field.value for field in frame.fields})
     except InputError:
         raise
-    except Exception as error:  # of damaged bytes fitdecode raises whatever becomes of them
+    except Exception as error:  # fitdecode raises errors of many kinds for damaged bytes
         why = str(error) or type(error).__name__
         if len(samples.lines) < 2:
             refuse(path, 0, f"is a damaged FIT file: {why}")
@@ -358,14 +360,14 @@ def _append(samples: SampleTable, number: int, values: dict[str, Any]) -> None: 
         samples.leave_out(number, "has no time", "timestamp")
         return
     place = [_number(values.get(name)) * SEMICIRCLE for name in ("position_lat", "position_long")]
-    altitude, speed = (
-        next(
-            (one for one in (_number(values.get(f"{better}{name}")) for better in ("enhanced_", "")) if one == one),
-            math.nan,
-        )
-        for name in ("altitude", "speed")
-    )
+    altitude, speed = (_enhanced_value(values, name) for name in ("altitude", "speed"))
     samples.append(number, when.timestamp(), *place, altitude, speed)
+
+
+def _enhanced_value(values: dict[str, Any], name: str) -> float:
+    """Return the enhanced value of a field where there is one, else the plain one."""
+    enhanced = _number(values.get(f"enhanced_{name}"))
+    return _number(values.get(name)) if math.isnan(enhanced) else enhanced
 
 
 def _number(value: object) -> float:

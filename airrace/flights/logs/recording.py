@@ -30,7 +30,7 @@ IDLE_MAX = 1_000_000
 OBJECTS_MAX = 10_000
 """The greatest number of objects of an ACMI recording."""
 TEXT_MAX = 200
-"""The letters of what an ACMI recording tells of an object, at most."""
+"""The letters of each property of an object of an ACMI recording, at most."""
 DEPTH_MAX = 200
 """The depth of elements within elements of an XML document, at most."""
 EARTH_RADIUS = 6.371e6
@@ -53,7 +53,7 @@ class Recording:
         remarks: for the user of the recording, as sentences.
         others: further aircraft or tracks of the same file, one of which may pass the course.
         unsaid: columns whose units the log does not say.
-        mapped: columns whose scale or zero a mapping says.
+        mapped: columns with a scale or zero from a mapping.
         barometric: whether its heights are those of a barometer.
         accuracy: standard deviation of an error that all positions share, or that wanders for seconds, m.
         label: of the aircraft or track, where there are others.
@@ -154,7 +154,7 @@ class SampleTable:
         """Return the lines and the columns.
 
         Raises:
-            InputError: there are not two samples; it names the first fault, or says `missing` where there is none.
+            InputError: there are not two samples; it names the first fault, or is `missing` where there is none.
         """
         if len(self.lines) < 2:
             self.refuse_first_fault()
@@ -227,10 +227,10 @@ def resolution(values: Array) -> float:
         return 0.0
     step, far = float(gaps.min()), distinct - distinct[0]
     for reach in (30.0, 1000.0, 3e4, 1e6):  # the step is known the better, the farther the values that it explains
-        near = far[far < reach * step]
-        counts = np.rint(near / step)
-        if len(near) > 1 and counts[-1] > 0:
-            step = float(near[-1] / counts[-1])
+        leaps = far[far < reach * step]
+        counts = np.rint(leaps / step)
+        if len(leaps) > 1 and counts[-1] > 0:
+            step = float(leaps[-1] / counts[-1])
     counts = far / step
     return step if np.mean(np.abs(counts - np.rint(counts)) < 0.05) > 0.99 else 0.0
 
@@ -240,7 +240,7 @@ def rounding(values: Array) -> float:
     return resolution(values) / math.sqrt(12.0)
 
 
-def held(values: Array, time: Array) -> NDArray[np.bool_]:
+def repeats(values: Array, time: Array) -> NDArray[np.bool_]:
     """Return which samples only repeat the measurement before, shape (n,).
 
     Args:
@@ -262,5 +262,5 @@ def held(values: Array, time: Array) -> NDArray[np.bool_]:
     place = np.arange(count) - np.repeat(starts, runs)
     took = np.diff(time, prepend=time[0])
     resumed = (took[starts] > GAP_FACTOR * np.median(took)) & (runs != usual)
-    place[np.repeat(resumed, runs)] = 1  # behind a gap nobody knows how old the first one is
+    place[np.repeat(resumed, runs)] = 1  # behind a gap the age of the first one is unknown
     return np.asarray(place % usual != 0, np.bool_)

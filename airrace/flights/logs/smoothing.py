@@ -121,35 +121,36 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
     count = int(np.ceil((time[-1] - time[0] + 2.0 * EDGE) / STEP)) + 1
     nodes = time[0] - EDGE + STEP * np.arange(count)
     equations = _NormalEquations(nodes, time)
-    weights, near = np.ones(count - 1), np.ones(len(time), np.bool_)
-    states, off = np.zeros((3, count, 3)), np.zeros_like(places)
+    weights, inliers = np.ones(count - 1), np.ones(len(time), np.bool_)
+    states, residuals = np.zeros((3, count, 3)), np.zeros_like(places)
     for _ in range(ITERATIONS):
         for axis, density in enumerate(JERK_NOISE):
-            certainty = (near & finite[axis]) / sigma[axis] ** 2
+            certainty = (inliers & finite[axis]) / sigma[axis] ** 2
             states[axis], _ = equations.solve(places[axis], certainty, weights / density)
         surprise = np.sum([equations.surprise(state) / q for state, q in zip(states, JERK_NOISE, strict=True)], axis=0)
         weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
-        off = np.where(finite, places - equations.positions(states), 0.0)
-        near = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
-        if near.mean() <= INLIER_SHARE:
-            near = np.ones_like(near)
+        residuals = np.where(finite, places - equations.positions(states), 0.0)
+        inliers = np.logical_and.reduce(np.abs(residuals) < OUTLYING * sigma[:, None], axis=0)
+        if inliers.mean() <= INLIER_SHARE:
+            inliers = np.ones_like(inliers)
     factors = [
         equations.solve(
             places[axis],
-            (near & finite[axis]) / sigma[axis] ** 2,
+            (inliers & finite[axis]) / sigma[axis] ** 2,
             _cautious(weights, nodes, time[finite[axis]]) / density,
         )[1]
         for axis, density in enumerate(JERK_NOISE)
     ]
-    scatter = np.sqrt(np.sum(off**2 * (near & finite), axis=1) / np.maximum(np.sum(near & finite, axis=1), 1))
+    used = inliers & finite
+    scatter = np.sqrt(np.sum(residuals**2 * used, axis=1) / np.maximum(np.sum(used, axis=1), 1))
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
-    return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(near), scatter, tuple(factors))
+    return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(inliers), scatter, tuple(factors))
 
 
 def _cautious(weights: Array, nodes: Array, time: Array) -> Array:
     """Return the weights for standard deviations: where samples are missing the aircraft may have turned hard.
 
-    Nothing tells of a jerk there, so that the most probable path is a calm one.
+    No data show a jerk there, so that the most probable path is a calm one.
     """
     steps = np.diff(time, prepend=nodes[0], append=nodes[-1])
     behind = np.searchsorted(time, 0.5 * (nodes[1:] + nodes[:-1]))
@@ -224,8 +225,8 @@ class _NormalEquations:
 
     def surprise(self, state: Array) -> Array:
         """Return the squared jerk of every step, in terms of a density of one, shape (n - 1,)."""
-        off = state[1:] - state[:-1] @ self._step.T
-        return np.einsum("ni,ij,nj->n", off, self._information, off)
+        jumps = state[1:] - state[:-1] @ self._step.T
+        return np.einsum("ni,ij,nj->n", jumps, self._information, jumps)
 
     def positions(self, states: Array) -> Array:
         """Return the path at the times of the measurements, shape (3, m); states of shape (3, n, 3)."""

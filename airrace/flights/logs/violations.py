@@ -32,7 +32,7 @@ START_SPEEDS = {StartSpeed.GROUND: "V_K", StartSpeed.TRUE: "V_A", StartSpeed.IND
 
 @dataclass(frozen=True)
 class Penalties:
-    """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule says.
+    """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule states them.
 
     Attributes:
         pylon: a wing touches a pylon.
@@ -79,7 +79,7 @@ logs, so that less than one log in 10,000 accuses falsely.
 
 
 MISSED_ROWS = 30
-"""Times, about, at which it is asked how near a missed element may have been."""
+"""The approximate number of times at which the distance from a missed element is measured."""
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,10 @@ class Violation:
     @property
     def deviations(self) -> float:
         """By how many standard deviations it exceeds what is allowed; 0 where that is not known."""
-        off = abs(self.value - self.limit)
-        if not math.isfinite(off + self.deviation):
+        excess = abs(self.value - self.limit)
+        if not math.isfinite(excess + self.deviation):
             return 0.0
-        return off / self.deviation if self.deviation > 0.0 else math.inf
+        return excess / self.deviation if self.deviation > 0.0 else math.inf
 
     @property
     def certain(self) -> bool:
@@ -175,17 +175,17 @@ def violations(
     return tuple(sorted(broken_rules, key=lambda violation: not violation.certain))
 
 
-def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
-    """Return the violations that people are shown, certain ones first, and a sentence on the near misses beside them.
+def select_violations(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
+    """Return the violations to be reported, certain ones first, and a sentence on the near misses beside them.
 
     An optimum touches its limits everywhere, and so does every good flight within what its measurement may be wrong by:
-    of ten near misses the one is shown that comes closest to certain. What the log does not tell, such as gates behind
+    of ten near misses the one closest to certain is reported. What the log does not hold, such as gates behind
     its end, is no near miss.
     """
     certain = [violation for violation in violations if violation.certain]
     possible = [violation for violation in violations if not violation.certain and math.isfinite(violation.value)]
-    near = sorted(possible, key=lambda violation: -violation.deviations)
-    listed, unlisted = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
+    near_misses = sorted(possible, key=lambda violation: -violation.deviations)
+    listed, unlisted = near_misses[: math.ceil(len(near_misses) / 10)], near_misses[math.ceil(len(near_misses) / 10) :]
     rules = Counter(violation.rule for violation in unlisted).most_common()
     words = ", ".join(f"{count} {rule}" for rule, count in rules)
     misses = "near miss is" if len(unlisted) == 1 else "near misses are"
@@ -255,15 +255,15 @@ def _passing_violations(
         yield "climb", climb, limit, path, "deg", penalties.climb
     allowed: list[tuple[str, float, float, float, float | None]] = []
     if tolerances is not None and element.prescribed_bank is not None:
-        off = angle_between(bank, crossing.value("mu"))
-        allowed.append(("bank", off, tolerances.bank, math.degrees(standard_deviations.bank), penalties.bank))
+        angle = angle_between(bank, crossing.value("mu"))
+        allowed.append(("bank", angle, tolerances.bank, math.degrees(standard_deviations.bank), penalties.bank))
     if tolerances is not None and {"course_excess_right", "course_excess_left"} <= set(bounds):
-        off = math.atan2(values["course_sine"], values["course_cosine"])
-        allowed.append(("course", off, tolerances.crossing, path, None))
-    for rule, off, most, deviation, penalty in allowed:
-        off, most = math.degrees(off), math.degrees(most)
-        if abs(off) > most:
-            yield rule, off, math.copysign(most, off), deviation, "deg", penalty
+        angle = math.atan2(values["course_sine"], values["course_cosine"])
+        allowed.append(("course", angle, tolerances.crossing, path, None))
+    for rule, angle, most, deviation, penalty in allowed:
+        angle, most = math.degrees(angle), math.degrees(most)
+        if abs(angle) > most:
+            yield rule, angle, math.copysign(most, angle), deviation, "deg", penalty
 
     speed = crossing.value(START_SPEEDS[race.course.rules.start_speed])
     if excess := beyond(speed, crossing.passage.speed):
@@ -293,15 +293,17 @@ def _missed(
     allowed = getattr(element, "reach", 0.5 * getattr(element, "width", math.inf))
     if not element.stands or element.place is None or not len(rows):
         return None
-    away = np.hypot(flight["x"][rows] - element.place[0], flight["y"][rows] - element.place[1])
-    if away.min() <= allowed:
+    distances = np.hypot(flight["x"][rows] - element.place[0], flight["y"][rows] - element.place[1])
+    if distances.min() <= allowed:
         return None
     penalty = math.nan if penalties.missed is None else penalties.missed
-    some = np.unique([*range(0, len(rows), max(1, len(rows) // MISSED_ROWS)), int(np.argmin(away))]).tolist()
-    misses = [
-        Violation(crossing.name, "missed", when, float(away[row]), allowed, deviations(when).across, "m", penalty)
-        for row, when in ((row, float(flight.time[rows[row]])) for row in some)
-    ]
+    candidates = np.unique([*range(0, len(rows), max(1, len(rows) // MISSED_ROWS)), int(np.argmin(distances))]).tolist()
+    misses: list[Violation] = []
+    for row in candidates:
+        when, distance = float(flight.time[rows[row]]), float(distances[row])
+        misses.append(
+            Violation(crossing.name, "missed", when, distance, allowed, deviations(when).across, "m", penalty)
+        )
     return min(misses, key=lambda miss: miss.deviations)
 
 
@@ -341,5 +343,5 @@ def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
             if nearest.margin < 0.0:
                 rule = distance.kind.replace(" ", "-")
                 certainty = deviations(nearest.time)
-                off = certainty.up if rule in ("floor", "ceiling") else certainty.across
-                yield Violation("", rule, nearest.time, nearest.distance, distance.required, off, "m", math.nan)
+                deviation = certainty.up if rule in ("floor", "ceiling") else certainty.across
+                yield Violation("", rule, nearest.time, nearest.distance, distance.required, deviation, "m", math.nan)

@@ -1,4 +1,4 @@
-"""One flight, whatever its source: the optimum of a stage or a recorded flight, with the same named histories."""
+"""One flight from any source: the optimum of a stage or a recorded flight, with the same named histories."""
 
 from airrace.flights.results.derivation import flight_of
 from airrace.flights.results.flight import (

@@ -22,8 +22,8 @@ TOUCHED = 0.02
 """The margin within which a distance counts as reached, m: twice the length by which certificates let it be missed."""
 SHORTEST = 0.01
 """The share of the race below which a limit of a history is left out, as of rolls that only begin at it."""
-TOLD_OTHERWISE = frozenset({"z", "height", "delta_T_cmd"})
-"""Histories whose limits others tell: distances from floor and ceiling, and the throttle that follows its lever."""
+REDUNDANT = frozenset({"z", "height", "delta_T_cmd"})
+"""Histories whose limits appear elsewhere: as distances from floor and ceiling, and as that of the throttle."""
 
 LOAD_FACTORS = frozenset({"n_z", "n_y", "n_z_cmd", "n_y_cmd"})
 """Histories whose values people give in g."""
@@ -55,28 +55,26 @@ def active_limits(flight: Flight) -> tuple[ActiveLimit, ...]:
     """
     if not all(crossing.found for crossing in flight.crossings):
         return ()
-    held = sorted(_held(flight), key=lambda one: -one.duration)
-    near = least_of_all(flight, distances(flight))
-    touched = sorted((one for one in near if one.margin <= TOUCHED), key=lambda one: one.margin)
+    limits = sorted(_limits_of_histories(flight), key=lambda limit: -limit.duration)
+    clearances = least_of_all(flight, distances(flight))
     height = flight.course.rules.height
     values = {"floor": height.lower, "ceiling": height.upper}
-    return (
-        *held,
-        *(
-            ActiveLimit(one.text, "m", values.get(one.kind, one.required), math.nan, _leg_at(flight, one.time))
-            for one in touched
-        ),
-    )
+    for clearance in sorted(clearances, key=lambda clearance: clearance.margin):
+        if clearance.margin <= TOUCHED:
+            value = values.get(clearance.kind, clearance.required)
+            leg = passings_around(flight, clearance.time)[1].name
+            limits.append(ActiveLimit(clearance.text, "m", value, math.nan, leg))
+    return tuple(limits)
 
 
-def _held(flight: Flight) -> Iterator[ActiveLimit]:
+def _limits_of_histories(flight: Flight) -> Iterator[ActiveLimit]:
     """Yield the limits of histories that are kept to for long enough, each bound by itself.
 
-    Bounds of the same size to both sides are one limit: how far the stick goes, whichever way.
+    Bounds of the same size to both sides are one limit: how far the stick goes to either side.
     """
     for name, history in flight.histories.items():
         quantity = history.quantity
-        if name in TOLD_OTHERWISE or name.startswith("distance_") or quantity.rate_of:
+        if name in REDUNDANT or name.startswith("distance_") or quantity.rate_of:
             continue
         for bound, values in _bounds(quantity, history.values):
             weights = _durations(flight.time) * (np.abs(values - bound) <= NEAR * quantity.scale)
@@ -88,7 +86,7 @@ def _held(flight: Flight) -> Iterator[ActiveLimit]:
 
 
 def _bounds(quantity: Quantity, values: Array) -> Iterator[tuple[float, Array]]:
-    """Yield the finite bounds of a quantity, each with the values to be held against it."""
+    """Yield the finite bounds of a quantity, each with the values to compare with it."""
     if math.isfinite(quantity.upper) and quantity.lower == -quantity.upper:
         yield quantity.upper, np.abs(values)
         return
@@ -101,7 +99,3 @@ def _durations(time: Array) -> Array:
     """Return the time that each of the instants stands for, half of the steps beside it, s, shape (n,)."""
     steps = np.diff(time)
     return 0.5 * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0))
-
-
-def _leg_at(flight: Flight, time: float) -> str:
-    return passings_around(flight, time)[1].name

@@ -53,7 +53,7 @@ from airrace.procedure.planning.route_decisions import PLANNED_MAX
 from airrace.race import Race
 
 NEAR_MISS = 0.1
-"""The length by which a clearance is missed before it is reported, m: nobody beside the course could see less."""
+"""The length by which a clearance is missed before it is reported, m: less cannot be seen from beside the course."""
 BESIDE = 0.25
 """The time before and after a passing within which a near miss belongs to it, s."""
 
@@ -121,16 +121,13 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
     course, height = flight.course, flight["height"]
     places = np.stack([flight["x"], flight["y"]], axis=1)
     for crowd in course.crowd:
-        away = ground_distance(places, crowd)
+        distance = ground_distance(places, crowd)
         if crowd.slant:
             above = height - crowd.height
-            away = np.hypot(away, np.where(np.isnan(above), 0.0, above))
-        yield Distance("crowd", crowd.name, crowd.distance, away)
+            distance = np.hypot(distance, np.where(np.isnan(above), 0.0, above))
+        yield Distance("crowd", crowd.name, crowd.distance, distance)
     for line in course.safety_lines:
-        on_leg = (
-            any(safety_line.name == line.name for safety_line in passage.safety_lines) for passage in course.passages
-        )
-        legs = frozenset(number for number, holds in enumerate(on_leg) if number and holds)
+        legs = frozenset(course.passages_with_line(line)) - {0}  # no leg leads to the start
         if legs:
             yield Distance("safety line", line.name, line.margin, beside_line(places, line), legs)
     if course.airspace:
@@ -148,7 +145,7 @@ def least(flight: Flight, leg: Leg, measured: Sequence[Distance]) -> tuple[Clear
     Args:
         flight: whose leg it is.
         leg: a complete leg.
-        measured: what `distances` says of the flight.
+        measured: `distances` of the flight.
     """
     clearances = [
         _least(flight, distance, leg.rows)
@@ -167,16 +164,13 @@ def least_of_all(flight: Flight, measured: Iterable[Distance]) -> tuple[Clearanc
         flight: a flight.
         measured: distances of the flight, e.g. `distances`.
     """
-    legs, none = legs_of(flight), np.zeros(0, np.int64)
-    clearances = (
-        _least(
-            flight,
-            distance,
-            np.concatenate([none, *(leg.rows for leg in legs if distance.legs is None or leg.number in distance.legs)]),
-        )
-        for distance in measured
-    )
-    return tuple(clearance for clearance in clearances if clearance is not None)
+    clearances: list[Clearance] = []
+    for distance in measured:
+        rows = [np.zeros(0, np.int64)]
+        rows += [leg.rows for leg in legs_of(flight) if distance.legs is None or leg.number in distance.legs]
+        if (clearance := _least(flight, distance, np.concatenate(rows))) is not None:
+            clearances.append(clearance)
+    return tuple(clearances)
 
 
 def least_distances(flight: Flight) -> tuple[Clearance, ...]:
@@ -186,8 +180,9 @@ def least_distances(flight: Flight) -> tuple[Clearance, ...]:
 
 def nearest_pylon(clearances: Sequence[Clearance]) -> tuple[Clearance, ...]:
     """Return least distances, of those from pylons that with the least margin alone, which comes first."""
-    near = sorted((clearance for clearance in clearances if clearance.kind == "pylon"), key=lambda pylon: pylon.margin)
-    return (*near[:1], *(clearance for clearance in clearances if clearance.kind != "pylon"))
+    of_pylons = [clearance for clearance in clearances if clearance.kind == "pylon"]
+    without_pylons = [clearance for clearance in clearances if clearance.kind != "pylon"]
+    return (*sorted(of_pylons, key=lambda pylon: pylon.margin)[:1], *without_pylons)
 
 
 def at_row(flight: Flight, distance: Distance, row: int) -> Clearance:
@@ -199,8 +194,8 @@ def at_row(flight: Flight, distance: Distance, row: int) -> Clearance:
 
 def _least(flight: Flight, distance: Distance, rows: NDArray[np.int64]) -> Clearance | None:
     """Return the least distance at some times; None where none of them is known."""
-    known = rows[np.isfinite(distance.values[rows])]
-    return at_row(flight, distance, int(known[int(np.argmin(distance.values[known]))])) if len(known) else None
+    finite = rows[np.isfinite(distance.values[rows])]
+    return at_row(flight, distance, int(finite[int(np.argmin(distance.values[finite]))])) if len(finite) else None
 
 
 def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = None) -> Iterator[Distance]:
@@ -220,8 +215,8 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
         own = [pylon for pylon in standing if pylon.name == name]
         # Usually one: a pylon in the place of another element's may have to be cleared by more than its neighbour.
         for required in sorted({pylon.required for pylon in own}):
-            away = [measure(wing, pylon) for pylon in own if pylon.required == required]
-            yield Distance("pylon", name, required, np.minimum.reduce(away))
+            pylon_distances = [measure(wing, pylon) for pylon in own if pylon.required == required]
+            yield Distance("pylon", name, required, np.minimum.reduce(pylon_distances))
     for obstacle in flight.course.obstacles:
         axes = [measure(wing, pylon) for pylon in standing if pylon.name == obstacle.name]
         yield Distance("obstacle", obstacle.name, obstacle.clearance, np.minimum.reduce(axes) - obstacle.radius)
@@ -359,7 +354,7 @@ def distance_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Ca
     """Return the distances that tables of a flight hold besides its states; see `derivation.table_columns`."""
     if not {"x", "y", "z"} <= set(names):
         return {}
-    last: tuple[Values, Histories] = {}, {}  # of the samples that were asked for last: all columns of them come at once
+    last: tuple[Values, Histories] = {}, {}  # of the samples requested last: all columns of them come at once
 
     def histories_of(samples: Values) -> Histories:
         solved = {name: History(Quantity(name, ""), values, Basis.SOLVED) for name, values in samples.items()}
@@ -388,11 +383,11 @@ def with_nearest(flight: Flight, within: float) -> Flight:
     """
     nearest: dict[str, History] = {}
     for kind in ("pylon", "obstacle", "crowd", "safety_line"):
-        near = [history for name, history in flight.histories.items() if name.startswith(f"distance_{kind}_")]
-        if near:
-            values = np.minimum.reduce([history.values for history in near])
+        histories = [history for name, history in flight.histories.items() if name.startswith(f"distance_{kind}_")]
+        if histories:
+            values = np.minimum.reduce([history.values for history in histories])
             if kind in ("pylon", "obstacle"):
                 values = np.where(values <= within, values, np.nan)
-            lower = max(history.quantity.lower for history in near)
+            lower = max(history.quantity.lower for history in histories)
             nearest[f"nearest_{kind}"] = History(Quantity(f"nearest_{kind}", "m", lower=lower), values, Basis.DERIVED)
     return replace(flight, histories={**flight.histories, **nearest})

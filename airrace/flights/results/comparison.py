@@ -40,7 +40,7 @@ class Difference:
         name: what it is, e.g. `roll_begins`.
         reference, other: its values in the one and in the other flight.
         unit: of both.
-        text: the difference in words, said of the other flight, e.g. "rolls 0.06 s later".
+        text: the difference in words, of the other flight, e.g. "rolls 0.06 s later".
         weight: the difference over the least that is reported; at least 1.
     """
 
@@ -54,15 +54,15 @@ class Difference:
 
 @dataclass(frozen=True)
 class LegMeasure:
-    """The way in which one thing is measured on a leg.
+    """How one quantity is measured on a leg.
 
     Attributes:
         name: of the difference.
         of: from a flight and its leg to the value; NaN where it is unknown.
         unit: of the value.
         least: the smallest difference that is reported, in that unit.
-        more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference. Empty
-            where that is not known.
+        more, less: the words for a flight whose value is larger or smaller; `{}` stands for the difference. Empty
+            where that is unknown.
         digits: decimals of the difference in words.
         most: a larger difference is not reported: something else has been measured in the one flight than in the other.
     """
@@ -84,20 +84,20 @@ def differences(
 
     The most telling difference comes first.
     """
-    found: list[Difference] = []
+    reported: list[Difference] = []
     for measure in measures:
         first, second = measure.of(reference, before), measure.of(other, after)
         apart = abs(second - first)
         words = measure.more if second > first else measure.less
         if words and measure.least <= apart <= measure.most:  # NaN is no difference
             text = words.format(f"{apart:.{measure.digits}f}")
-            found.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
-    return tuple(sorted(found, key=lambda difference: -difference.weight)[:most])
+            reported.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
+    return tuple(sorted(reported, key=lambda difference: -difference.weight)[:most])
 
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
     """Return when the aircraft first rolls fast, s after the passing that begins the leg; NaN where it never does."""
-    # The aircraft is said to roll from 1 rad/s.
+    # A roll begins at 1 rad/s.
     rolling = np.flatnonzero(np.abs(flight.values("p_Kbar")[leg.rows]) >= 1.0)
     return float(flight.time[leg.rows][rolling[0]]) - leg.before.time if len(rolling) else math.nan
 
@@ -113,7 +113,7 @@ def is_vague(flight: Flight, name: str) -> bool:
 
 
 def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
-    """Return the greatest load factor, g; NaN where it is known too vaguely."""
+    """Return the greatest load factor, g; NaN where it is too vague."""
     if is_vague(flight, "n_z"):
         return math.nan
     return float(flight.values("n_z")[leg.rows].max())
@@ -275,7 +275,7 @@ class RelativeProgress:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One flight held against a reference.
+    """One flight compared with a reference.
 
     Attributes:
         reference, other: the flights.
@@ -315,7 +315,7 @@ class Comparison:
 
 
 def compare_flights(reference: Flight, other: Flight) -> Comparison:
-    """Hold one flight against another of the same passings.
+    """Compare two flights of the same passings.
 
     Aircraft, rules, wind and fidelity may differ, and so may the places of the gates.
 
@@ -329,7 +329,7 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     for before, after in zip(legs_of(reference), legs_of(other), strict=True):
         so_far = (after.after.time - starts[1]) - (before.after.time - starts[0])
         ways = [way(flight, leg) for flight, leg in ((reference, before), (other, after)) if leg.is_complete]
-        lost, by_way, by_speed, found = np.full(len(SHARES), np.nan), math.nan, math.nan, ()
+        lost, by_way, by_speed, leg_differences = np.full(len(SHARES), np.nan), math.nan, math.nan, ()
         if before.is_complete and after.is_complete:
             times, other_times = (
                 np.interp(SHARES, along / along[-1], flight.time[leg.rows])
@@ -339,8 +339,8 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
             (L, L_other), (t, t_other) = (float(along[-1]) for along in ways), (before.time, after.time)
             w, w_other = t / L, t_other / L_other
             by_way, by_speed = (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
-            found = differences(reference, before, other, after, MEASURES, DIFFERENCES_MAX)
-        legs.append(LegComparison(before, after, so_far, by_way, by_speed, found))
+            leg_differences = differences(reference, before, other, after, MEASURES, DIFFERENCES_MAX)
+        legs.append(LegComparison(before, after, so_far, by_way, by_speed, leg_differences))
         length = float(ways[0][-1]) if ways else 0.0
         distance.append((passings[-1] + SHARES * length)[1:])
         passings.append(passings[-1] + length)

@@ -57,7 +57,7 @@ HEIGHT_CHANGE = 30.0
 SIDE_ANGLE = math.radians(20.0)
 """The angle about the vertical from which on a pull has a side, rad."""
 VERTICAL = math.radians(65.0)
-"""The climb angle beyond which a bank says nothing, rad."""
+"""The climb angle beyond which a bank has no meaning, rad."""
 TOGETHER = 0.25
 """The time within which a roll and a pull begin at once, s; the roll comes first."""
 CUE_PAUSE = 0.75
@@ -73,7 +73,7 @@ class RollAction:
         duration: s.
         bank_from, bank_to: the bank at both ends, right wing down, rad.
         angle: rolled, positive to the right, rad; more than a half turn where the aircraft rolls so far.
-        climb: climb angle in its middle, rad; in vertical flight the bank says nothing.
+        climb: climb angle in its middle, rad; in vertical flight the bank has no meaning.
     """
 
     time: float
@@ -394,6 +394,6 @@ def _cue(flight: Flight, leg: Leg, actions: tuple[Action, ...]) -> Cue:
     if not flight.has("x", "y", "z"):
         return Cue(leg, behind, math.nan, actions)
     distance = way(flight, leg)
-    at, whole = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
-    nearer = at < 0.5 * whole
-    return Cue(leg, before if nearer else behind, at if nearer else at - whole, actions)
+    at, length = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
+    nearer = at < 0.5 * length
+    return Cue(leg, before if nearer else behind, at if nearer else at - length, actions)

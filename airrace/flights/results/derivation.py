@@ -62,14 +62,14 @@ class Rule:
     applies: Callable[[Race], bool] = lambda _: True
 
 
-def complete_histories(race: Race, given: Histories) -> Histories:
+def complete_histories(race: Race, histories: Histories) -> Histories:
     """Return the histories of a flight with all that follows from them.
 
     Args:
         race: course, aircraft and air.
-        given: histories over one time axis.
+        histories: over one time axis.
     """
-    complete = dict(given)
+    complete = dict(histories)
     for rule in RULES:
         missing = [name for name in rule.gives if name not in complete]
         if not missing or not rule.applies(race) or any(name not in complete for name in rule.needs):
@@ -117,13 +117,13 @@ def _with_limits(histories: Histories, limits: Limits) -> Histories:
         "C_L": limits.C_L,
         "beta_A": limits.beta_A,
     }
-    found = dict(histories)
+    bounded = dict(histories)
     for name in bounds.keys() & histories.keys():
         quantity = histories[name].quantity
         if not Interval(quantity.lower, quantity.upper).constrained:
             quantity = replace(quantity, lower=bounds[name].lower, upper=bounds[name].upper)
-            found[name] = replace(histories[name], quantity=quantity)
-    return found
+            bounded[name] = replace(histories[name], quantity=quantity)
+    return bounded
 
 
 def wind_along(air: Air, x: Array, y: Array, z: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A flight, whatever its source: named histories on one time axis, the passings of its course, its legs and laps.
+"""A flight from any source: named histories on one time axis, the passings of its course, its legs and laps.
 
 Flights of every source use these names. Angles are in radians; headings count clockwise from north.
 """
@@ -24,8 +24,8 @@ from airrace.procedure.result import Status
 from airrace.race import Race
 
 GLOSSARY = {
-    one.name: one
-    for one in (
+    quantity.name: quantity
+    for quantity in (
         Quantity("z", "m", text="below the track's origin"),
         Quantity("height", "m", text="height above the track's origin"),
         Quantity("altitude", "m", text="height above mean sea level"),
@@ -146,7 +146,7 @@ class Confirmation:
 
     @property
     def remark(self) -> str:
-        """The words, beside an error that tells what was refuted."""
+        """The words, beside an error that states what was refuted."""
         return self.outcome if self.refutation else self.words
 
     @property
@@ -218,7 +218,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flight of one race, whatever its source.
+    """A flight of one race, from any source.
 
     Which histories it has depends on the source: a point mass has no surfaces, a recording may know positions alone.
     Ask with `name in flight`, `flight[name]`, or take `flight.values(name)`, which is NaN throughout for a history

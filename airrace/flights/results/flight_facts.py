@@ -17,7 +17,7 @@ from airrace.optimal_control.trajectory import Array
 
 @dataclass(frozen=True)
 class Range:
-    """The least and the greatest value on a leg; NaN where the flight does not tell."""
+    """The least and the greatest value on a leg; NaN where the flight does not have it."""
 
     least: float
     greatest: float

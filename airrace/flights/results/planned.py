@@ -77,13 +77,11 @@ def planned_flight(race: Race) -> Flight:
     histories = {
         name: History(_DECLARATIONS[name], values, Basis.DERIVED) for name, values in zip(_NAMES, columns, strict=True)
     }
-    crossings = tuple(
-        TimedCrossing(
-            passage, float(time[node]), {name: float(history.values[node]) for name, history in histories.items()}
-        )
-        for passage, node in zip(race.course.passages, nodes, strict=True)
-    )
-    return Flight(race, Source("plan", remark=PLANNED), time, histories, crossings)
+    crossings: list[TimedCrossing] = []
+    for passage, node in zip(race.course.passages, nodes, strict=True):
+        values = {name: float(history.values[node]) for name, history in histories.items()}
+        crossings.append(TimedCrossing(passage, float(time[node]), values))
+    return Flight(race, Source("plan", remark=PLANNED), time, histories, tuple(crossings))
 
 
 def is_planned(flight: Flight, rows: np.ndarray) -> bool:
@@ -114,7 +112,8 @@ def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
     places = [(math.nan, math.nan) if (at := place(passage)) is None else at[:2] for passage in race.course.passages]
     ways = [math.dist(*ends) for ends in itertools.pairwise(places)]
     V = cruise(race.aircraft, race.course.rules).V
-    seconds = [max(way / V, FIRST_MESH.shortest_leg) if math.isfinite(way) else FIRST_MESH.shortest_leg for way in ways]
+    # of an unknown way, NaN, the maximum is its first argument
+    seconds = [max(FIRST_MESH.shortest_leg, way / V) for way in ways]
     legs: list[Array] = []
     # In 0.2 s an aircraft flies twenty metres of a straight line.
     for count, (start, end) in zip(_counts(seconds, 0.2), itertools.pairwise(places), strict=True):

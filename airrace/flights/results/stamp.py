@@ -1,4 +1,4 @@
-"""The stamp of a flight: what it is, beside whatever is shown, printed or exported of it."""
+"""The stamp of a flight: what it is, beside everything shown, printed or exported of it."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class ReserveState:
         asked: the probability that a flight breaks no limit.
         measured: the share of closed-loop flights that break none; None while no search has ended.
         flights: their number; 0 while no search has ended.
-        reached: whether that is what was asked for.
+        reached: whether that is the probability asked.
         source: the run whose margins these are, where flights along this very flight were not measured; else empty.
         attempts: the number of attempts that the search has finished; 0 where it has ended.
         attempts_max: the largest number of attempts.

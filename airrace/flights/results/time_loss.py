@@ -67,7 +67,7 @@ WORDS = {
     Cause.LIFT: ("more drag of lift", "less drag of lift"),
     Cause.ENERGY: ("a greater loss of energy", "a smaller loss of energy"),
 }
-"""What each cause is called where it costs time, and where it wins some."""
+"""The words for each cause where it costs time, and where it gains some."""
 
 
 @dataclass(frozen=True)
@@ -106,12 +106,12 @@ class Loss:
         """The loss in words."""
         clauses: list[str] = []
         for cause in self.causes:
-            facts = ", ".join(one.text for one in self.facts[cause])
+            facts = ", ".join(fact.text for fact in self.facts[cause])
             clauses.append(f"{self.parts[cause]:.2f} s by {WORDS[cause][0]}{f' ({facts})' if facts else ''}")
         least = min(self.parts, key=lambda part: self.parts[part])
         if -self.parts[least] >= self._least:
             clauses.append(f"{-self.parts[least]:.2f} s won back by {WORDS[least][1]}")
-        clauses += [one.text for one in self.leaving]
+        clauses += [fact.text for fact in self.leaving]
         text = f"{self.amount:.2f} s from {self.leg.reference.before.name} to {self.leg.name}"
         return f"{text}: {'; '.join(clauses)}" if clauses else text
 
@@ -121,7 +121,7 @@ class TimeLoss:
     """Where the slower of two flights has lost its time.
 
     Attributes:
-        comparison: the slower one held against the faster.
+        comparison: the slower one compared with the faster.
         losses: of all legs that both completed, in race order; negative where the slower one wins.
     """
 
@@ -149,9 +149,11 @@ def time_loss(comparison: Comparison) -> TimeLoss:
         comparison = compare_flights(comparison.other, comparison.reference)
     reference, other = comparison.reference, comparison.other
     losses: list[Loss] = []
-    known = all("chi" in one for one in (reference, other))  # a flight without its course tells no causes
+    comparable = all(
+        "chi" in flight for flight in (reference, other)
+    )  # without its course over ground a flight has no causes
     for leg in comparison.legs:
-        if known and leg.reference.is_complete and leg.other.is_complete:
+        if comparable and leg.reference.is_complete and leg.other.is_complete:
             pair = reference, leg.reference, other, leg.other
             facts = {cause: differences(*pair, measures, DIFFERENCES_MAX) for cause, measures in FACTS.items()}
             losses.append(Loss(leg, loss_parts(comparison, leg), facts, differences(*pair, (_LEAVING,), 1)))
@@ -184,7 +186,8 @@ def _shares(flight: Flight, leg: Leg) -> Array:
 def loss_parts(comparison: Comparison, leg: LegComparison) -> dict[Cause, float]:
     """Return what a complete leg costs by each cause, s; negative where the other flight wins by it."""
     (V, h, W, L), (V_other, h_other, W_other, L_other) = (
-        _energies(flight, one) for flight, one in ((comparison.reference, leg.reference), (comparison.other, leg.other))
+        _energies(flight, flight_leg)
+        for flight, flight_leg in ((comparison.reference, leg.reference), (comparison.other, leg.other))
     )
     K = 0.5 * (L + L_other) / (V * V_other * (V + V_other))
 
@@ -193,7 +196,7 @@ def loss_parts(comparison: Comparison, leg: LegComparison) -> dict[Cause, float]
 
     entry = lost(V[0] ** 2 - V_other[0] ** 2)
     height = lost(2.0 * g0 * ((h_other - h_other[0]) - (h - h[0])))
-    vague = any(is_vague(one, "n_z") for one in (comparison.reference, comparison.other))
+    vague = any(is_vague(flight, "n_z") for flight in (comparison.reference, comparison.other))
     lift = 0.0 if vague else lost(2.0 * (W_other - W))
     energy = leg.by_speed - entry - height - lift
     return dict(zip(Cause, (leg.by_way, entry, height, lift, energy), strict=True))
@@ -249,9 +252,9 @@ def _width(flight: Flight, leg: Leg) -> float:
         return math.nan
     places = np.stack([flight["x"][leg.rows], flight["y"][leg.rows]])
     chord = places[:, -1] - places[:, 0]
-    off = places - places[:, :1]
-    share = np.clip(chord @ off / max(float(chord @ chord), 1e-9), 0.0, 1.0)
-    return float(np.hypot(*(off - share * chord[:, None])).max())
+    offset = places - places[:, :1]
+    share = np.clip(chord @ offset / max(float(chord @ chord), 1e-9), 0.0, 1.0)
+    return float(np.hypot(*(offset - share * chord[:, None])).max())
 
 
 def _mean(name: str, flight: Flight, leg: Leg) -> float:

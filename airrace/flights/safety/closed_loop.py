@@ -6,7 +6,7 @@ and one step of the classical scheme advances the aircraft. The stick of the opt
 place where the pilot will be then, so what the rates do not allow never happens.
 
 Flight k draws from a generator of its own, seeded by (seed, k), and no arithmetic mixes flights: it is the same bit by
-bit however many there are, in whatever batches, on however many threads.
+bit for any number of flights, batches and threads.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ LOST = 100.0
 UNDISTURBED_ERROR_MAX = 1.0
 """The largest distance of the undisturbed flight from the line of a pilot who holds it, m."""
 KEPT = STATE["beta_K"] + 1
-"""The number of the first states of a flight that are recorded: those that tell where its wing is."""
+"""The number of the first states of a flight that are recorded: those that place its wing."""
 SURFACES = slice(STATE["eta"], STATE["zeta"] + 1)
 """The rows of the deflections, whose rates are the first controls in this order."""
 AILERONS = 1
@@ -45,7 +45,7 @@ class ClosedLoop:
         plant: the aircraft.
         nominal: the optimum.
         linear: the aircraft linearised along it.
-        pilot, gains: who flies.
+        pilot, gains: the controller.
     """
 
     plant: Plant
@@ -109,7 +109,7 @@ def fly(loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -
         loop: aircraft, line and pilot.
         scatter: how they are disturbed.
         seed: of all flights.
-        numbers: of the flights wanted; the same number is the same flight in every batch.
+        numbers: of the flights; the same number is the same flight in every batch.
     """
     return _Batch(loop, scatter, seed, numbers).fly()
 
@@ -121,11 +121,13 @@ class _Batch:
         self.loop, self.count = loop, len(numbers)
         generators = [np.random.default_rng([seed, number]) for number in numbers]
         middles = loop.leg_middles
-        drawn = np.stack([generator.standard_normal(DISTURBANCES + len(middles)) for generator in generators], axis=1)
-        self.constant = np.array(scatter.constant)[:, None] * drawn[:DISTURBANCES]
-        lateness = scatter.timing * drawn[DISTURBANCES:]
+        samples = np.stack([generator.standard_normal(DISTURBANCES + len(middles)) for generator in generators], axis=1)
+        self.constant = np.array(scatter.constant)[:, None] * samples[:DISTURBANCES]
+        lateness = scatter.timing * samples[DISTURBANCES:]
         grid = instants(loop.pilot.sample, loop.linear.count + 2)
-        self.late = np.stack([np.asarray(np.interp(grid, middles, one), np.float64) for one in lateness.T], axis=1)
+        self.late = np.stack(
+            [np.asarray(np.interp(grid, middles, leg_lateness), np.float64) for leg_lateness in lateness.T], axis=1
+        )
         """By how much ailerons are late on the samples of the clock, shape (N + 2, n), s."""
         self.gusts = None
         if scatter.gusts is not Gusts.NONE:
@@ -137,7 +139,7 @@ class _Batch:
             np.array([[getattr(control, end)] for control in bounds.controls]) for end in ("lower", "upper")
         )
         self.travel = tuple(
-            np.array([[getattr(one, end)] for one in bounds.states[SURFACES]]) for end in ("lower", "upper")
+            np.array([[getattr(surface, end)] for surface in bounds.states[SURFACES]]) for end in ("lower", "upper")
         )
         self.alpha = bounds.path[loop.plant.path_row("alpha_A")]
         self.alpha_row, self.load_row = loop.plant.path_row("alpha_A"), loop.plant.path_row("n_z")
@@ -149,8 +151,8 @@ class _Batch:
         clock, lost = np.zeros(n), np.full(n, samples)
         ahead = instants(pilot.sample, waiting)
         stick = np.repeat(np.moveaxis(nominal.stick(ahead, pilot.sample), 1, 0)[:, :, None], n, axis=2)
-        besides = np.zeros((waiting, CONTROLS, n))
-        states, found = np.empty((samples, KEPT, n)), np.empty((samples, PATH, n))
+        corrections = np.zeros((waiting, CONTROLS, n))
+        states, path_errors = np.empty((samples, KEPT, n)), np.empty((samples, PATH, n))
         clocks, loads = np.empty((samples, n)), np.empty((samples, n))
         for k in range(samples):
             clock = abeam(nominal, x, clock)
@@ -164,21 +166,21 @@ class _Batch:
                 x, e = np.where(gone | finished, line, x), np.where(gone | finished, 0.0, e)
             self._disturb(k, line)
             path = self.path(x)
-            states[k], found[k], clocks[k], loads[k] = x[:KEPT], e[:PATH], clock, path[self.load_row]
+            states[k], path_errors[k], clocks[k], loads[k] = x[:KEPT], e[:PATH], clock, path[self.load_row]
             if finished.all():
                 samples = k + 1
                 break
-            whole, beside = self._decide(clock, line, x, e, besides, path)
-            stick, besides = np.concatenate([stick, whole[None]]), np.concatenate([besides, beside[None]])
+            decided, correction = self._decide(clock, line, x, e, corrections, path)
+            stick, corrections = np.concatenate([stick, decided[None]]), np.concatenate([corrections, correction[None]])
             self._move(stick[0], clock, x)
             x = advance(self.rates, x, pilot.sample)
             broken = ~np.isfinite(x).all(axis=0)
             if broken.any():
                 lost[broken], x = np.minimum(lost[broken], k + 1), np.where(broken, line, x)
             clock = clock + pilot.sample * x[3] / line[3]
-            stick, besides = stick[1:], besides[1:]
+            stick, corrections = stick[1:], corrections[1:]
         cut = slice(samples)
-        return Flights(pilot.sample, states[cut], clocks[cut], found[cut], loads[cut], np.minimum(lost, samples))
+        return Flights(pilot.sample, states[cut], clocks[cut], path_errors[cut], loads[cut], np.minimum(lost, samples))
 
     def _disturb(self, k: int, line: Array) -> None:
         """Set the disturbances of a sample: what lasts, and the gusts, turned into the course of the line."""
@@ -191,28 +193,30 @@ class _Batch:
             self.inputs[CONTROLS + 2] += w
 
     def _decide(
-        self, clock: Array, line: Array, x: Array, e: Array, besides: Array, path: Array
+        self, clock: Array, line: Array, x: Array, e: Array, corrections: Array, path: Array
     ) -> tuple[Array, Array]:
-        """Return the stick decided now, within its limits, and what of it is besides that of the optimum."""
+        """Return the stick decided now, within its limits, and its difference from that of the optimum."""
         pilot, gains, nominal = self.loop.pilot, self.loop.gains, self.loop.nominal
-        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.known) - 1)
-        seen = e.copy()
-        seen[:3] = np.minimum(np.maximum(e[:3], -pilot.urgent), pilot.urgent)
-        known = np.concatenate([seen, besides.reshape(-1, self.count)])
-        *decision, alpha = np.einsum("nij,nj->in", gains.known[row], np.ascontiguousarray(known.T))
+        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.feedback) - 1)
+        limited_error = e.copy()
+        limited_error[:3] = np.minimum(np.maximum(e[:3], -pilot.urgent), pilot.urgent)
+        observed = np.concatenate([limited_error, corrections.reshape(-1, self.count)])
+        *decision, alpha = np.einsum("nij,nj->in", gains.feedback[row], np.ascontiguousarray(observed.T))
         decision = np.array(decision)
-        there = clock + pilot.delay * x[3] / line[3]
-        optimum = nominal.stick(there, pilot.sample)
-        # near the stall no more is pulled for the sake of the path; the optimum's own pull stays, and so does damping
-        expected = nominal.at(there, slice(STATE["alpha_K"], STATE["alpha_K"] + 1))[0]
+        place_ahead = clock + pilot.delay * x[3] / line[3]
+        optimum = nominal.stick(place_ahead, pilot.sample)
+        # near the stall the path error commands no further pull; the optimum's own pull stays, and so does damping
+        expected = nominal.at(place_ahead, slice(STATE["alpha_K"], STATE["alpha_K"] + 1))[0]
         turned = path[self.alpha_row] - x[STATE["alpha_K"]]  # by gusts and wind
         alpha = alpha + expected + turned
-        wanted = np.sum(gains.known[row, 0, :PATH] * seen[:PATH].T, axis=1)  # of the elevator; nose up where negative
+        commanded = np.sum(
+            gains.feedback[row, 0, :PATH] * limited_error[:PATH].T, axis=1
+        )  # of the elevator; nose up where negative
         above, below = np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
-        room = np.asarray(np.where(wanted < 0.0, above, below), np.float64)
-        decision[0] -= wanted * (1.0 - np.minimum(np.maximum(room / pilot.stall_margin, 0.0), 1.0))
-        whole = np.minimum(np.maximum(optimum + decision, self.lower), self.upper)
-        return whole, whole - optimum
+        room = np.asarray(np.where(commanded < 0.0, above, below), np.float64)
+        decision[0] -= commanded * (1.0 - np.minimum(np.maximum(room / pilot.stall_margin, 0.0), 1.0))
+        limited = np.minimum(np.maximum(optimum + decision, self.lower), self.upper)
+        return limited, limited - optimum
 
     def _move(self, stick: Array, clock: Array, x: Array) -> None:
         """Set the stick of a sample: ailerons late or early, and nothing beyond the travel of the surfaces."""

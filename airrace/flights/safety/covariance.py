@@ -108,20 +108,20 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
                 W[late + 1, late + 1] = scatter.timing**2
             yield A, W
 
-    shown = np.zeros((SIZE + DISTURBANCES + 1, size))
-    shown[:SIZE, :SIZE], shown[-1, -1] = np.eye(SIZE), 1.0
-    found = np.empty((count + 1, *[SIZE + DISTURBANCES + 1] * 2))
+    output = np.zeros((SIZE + DISTURBANCES + 1, size))
+    output[:SIZE, :SIZE], output[-1, -1] = np.eye(SIZE), 1.0
+    covariances = np.empty((count + 1, *[SIZE + DISTURBANCES + 1] * 2))
     for k, P in enumerate(propagate(start, steps())):
-        shown[SIZE:-1] = disturbances(k)
-        found[k] = shown @ P @ shown.T
-    return found
+        output[SIZE:-1] = disturbances(k)
+        covariances[k] = output @ P @ output.T
+    return covariances
 
 
 def _turn(line: Array) -> Array:
     """Return the rotations from (u, v, w) of gusts to north, east, down, shape (N, 3, 3)."""
     east, north = course(line)
-    nothing, one = np.zeros_like(east), np.ones_like(east)
-    rows = [[north, -east, nothing], [east, north, nothing], [nothing, nothing, one]]
+    zero, unit = np.zeros_like(east), np.ones_like(east)
+    rows = [[north, -east, zero], [east, north, zero], [zero, zero, unit]]
     return np.moveaxis(np.array(rows), 2, 0)
 
 

@@ -1,4 +1,4 @@
-"""What disturbs a flight in closed loop, and by how much where nothing else is said."""
+"""What disturbs a flight in closed loop, and by how much by default."""
 
 from dataclasses import dataclass
 from enum import StrEnum

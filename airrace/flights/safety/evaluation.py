@@ -2,7 +2,7 @@
 
 A passing is where a flight crosses the plane of its gate, nearest in time to where its clock shows the passing. It is
 measured by the conditions that the gate sets to an optimum. The wing's distance from pylons is that of
-`airrace.procedure.planning.clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is
+`airrace.procedure.planning.clearance`, in continuous time. An optimum lies on its limits, so what cannot be seen is
 allowed beyond each of them; see `Allowances`.
 """
 
@@ -120,7 +120,7 @@ class Judge:
                 kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
                 passage = replace(passage, element=replace(kind, passing=Passing.WINDOW))
             waypoints.append(replace(waypoint, passage=passage))
-        seen = crossing_observation(plant.system.states)
+        crossing = crossing_observation(plant.system.states)
         states = loop.nominal.at(loop.nominal.passings)
         inputs = np.zeros((plant.path.size1_in(1), states.shape[1]))
         row = plant.path_row("n_z")
@@ -128,13 +128,13 @@ class Judge:
         return cls(
             race.course,
             tuple(waypoints),
-            tuple(boundary(waypoint, seen, span) for waypoint in waypoints),
+            tuple(boundary(waypoint, crossing, span) for waypoint in waypoints),
             states,
             plant.path_of(inputs)(states)[row],
             pylons_of(race.course),
             0.5 * span,
             Interval(limit.lower, limit.upper),
-            seen,
+            crossing,
         )
 
     def boundary(self, waypoint: Waypoint) -> Boundary:
@@ -170,17 +170,17 @@ class FlightMeasurements:
 def together(parts: Sequence[FlightMeasurements]) -> FlightMeasurements:
     """Return what all flights of some batches did, in their order."""
 
-    def joined(values: Sequence[Any]) -> Any:
+    def join(values: Sequence[Any]) -> Any:
         return np.concatenate(values, axis=-1)
 
     return FlightMeasurements(
-        joined([part.crossed for part in parts]),
-        {kind: joined([part.breaches[kind] for part in parts]) for kind in parts[0].breaches},
-        joined([part.touched for part in parts]),
-        joined([part.nearest for part in parts]),
-        {kind: joined([part.along[kind] for part in parts]) for kind in parts[0].along},
-        joined([part.deviations for part in parts]),
-        joined([part.lost for part in parts]),
+        join([part.crossed for part in parts]),
+        {kind: join([part.breaches[kind] for part in parts]) for kind in parts[0].breaches},
+        join([part.touched for part in parts]),
+        join([part.nearest for part in parts]),
+        {kind: join([part.along[kind] for part in parts]) for kind in parts[0].along},
+        join([part.deviations for part in parts]),
+        join([part.lost for part in parts]),
     )
 
 
@@ -203,8 +203,8 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
         at_passing = judge.states[:, [number]]
         e = errors(state, np.repeat(at_passing, count, axis=1))
         axis = axis_of(passing, at_passing)
-        away = state[:2] - at_passing[:2]
-        right = axis[0] * away[1] - axis[1] * away[0]
+        offset = state[:2] - at_passing[:2]
+        right = axis[0] * offset[1] - axis[1] * offset[0]
         crossed[number] = np.stack([right, at_passing[2] - state[2], e[4], load - judge.loads[number], late])
     racing = (flights.clock >= nominal.passings[0]) & (flights.clock <= nominal.passings[-1])
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
@@ -307,8 +307,8 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
     element = judge.course.passages[number].element
     if not element.stands:
         return
-    seen = at_points(passing.observation.values, state, np.array(passing.values))
-    values = dict(zip((quantity.name for quantity in passing.observation.quantities), seen, strict=True))
+    outputs = at_points(passing.observation.values, state, np.array(passing.values))
+    values = dict(zip((quantity.name for quantity in passing.observation.quantities), outputs, strict=True))
     values["V_K"] = state[STATE["V_K"]]
     half = 0.5 * getattr(element, "width", np.inf)
     bounds = {"right": Interval(-half, half), **passing.bounds}
@@ -338,8 +338,8 @@ def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, hal
         return np.concatenate([first, way, last], axis=2).reshape(3, -1)
 
     wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), pad(centre), pad(half))
-    whole = np.where(flights.lost < samples, flights.lost, samples + 1)
-    sound = np.asarray(np.arange(2, samples + 1)[:, None] < whole, np.bool_)
+    lost = np.where(flights.lost < samples, flights.lost, samples + 1)
+    sound = np.asarray(np.arange(2, samples + 1)[:, None] < lost, np.bool_)
     steps = np.transpose(racing[:-1] & sound)  # (n, K - 1)
     nearest = np.full((len(judge.pylons), count), np.inf)
     for row, pylon in enumerate(judge.pylons):
@@ -361,9 +361,8 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
     course, beyond = judge.course, LENGTH_ALLOWED
     height = -flights.state[:, STATE["z"]]
     places = np.stack([flights.state[:, 0], flights.state[:, 1]], axis=-1)
-    legs = np.searchsorted(
-        loop.nominal.passings, flights.clock, side="right"
-    )  # that ends in the passage of this number
+    # the leg that ends in the passage of this number
+    legs = np.searchsorted(loop.nominal.passings, flights.clock, side="right")
     floor, ceiling = course.rules.height.lower, course.rules.height.upper
     breaches = {
         "load factor": (flights.load > judge.load.upper + LOAD_ALLOWED)
@@ -373,15 +372,13 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
         **{kind: np.zeros_like(racing) for kind in ("crowd", "safety line", "airspace")},
     }
     for crowd in course.crowd:
-        away = ground_distance(places, crowd)
-        breaches["crowd"] |= (np.hypot(away, height - crowd.height) if crowd.slant else away) < crowd.distance - beyond
+        distance = ground_distance(places, crowd)
+        if crowd.slant:
+            distance = np.hypot(distance, height - crowd.height)
+        breaches["crowd"] |= distance < crowd.distance - beyond
     for line in course.safety_lines:
-        on = [
-            number
-            for number, passage in enumerate(course.passages)
-            if any(line.name == safety_line.name for safety_line in passage.safety_lines)
-        ]
-        breaches["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
+        on_legs = np.isin(legs, course.passages_with_line(line))
+        breaches["safety line"] |= on_legs & (beside_line(places, line) < line.margin - beyond)
     if course.airspace:
         breaches["airspace"] |= beside_border(places, course.airspace) < -beyond
     return {kind: np.asarray((breach & racing).any(axis=0)) for kind, breach in breaches.items()}

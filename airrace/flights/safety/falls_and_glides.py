@@ -34,18 +34,10 @@ from airrace.model.aircraft import Aircraft
 from airrace.model.environment import Air, atmosphere_parameters, density, g0
 from airrace.optimal_control.trajectory import Array
 
-
-@dataclass(frozen=True)
-class FallSettings:
-    """The numbers of the integration.
-
-    Attributes:
-        step: s; falls from 200 m then end within a millimetre of where they do with a tenth of it.
-        duration: s; longer than any fall from a race.
-    """
-
-    step: float = 0.05
-    duration: float = 120.0
+STEP = 0.05
+"""The step of the integration, s; falls from 200 m then end within a millimetre of where they do with a tenth of it."""
+FALL_TIME_MAX = 120.0
+"""A time longer than any fall from a race, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +67,7 @@ class AirColumn:
 
     def wind(self, height: Array) -> Array:
         """Return the wind, north and east, m/s, shape (..., 2)."""
-        return np.stack([np.interp(height, self.height, one) for one in (self.north, self.east)], axis=-1)
+        return np.stack([np.interp(height, self.height, component) for component in (self.north, self.east)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +99,8 @@ class States:
             flight["V_K"] * np.sin(flight["gamma"]),
         )
         columns = [
-            np.interp(times, flight.time, one) for one in (flight["x"], flight["y"], flight["height"], *velocity)
+            np.interp(times, flight.time, history)
+            for history in (flight["x"], flight["y"], flight["height"], *velocity)
         ]
         return cls(np.stack(columns[:3], axis=1), np.stack(columns[3:], axis=1))
 
@@ -149,14 +142,7 @@ def fall_in_vacuum(states: States) -> Impacts:
     return Impacts(states.place[:, :2] + time[:, None] * states.velocity[:, :2], time, np.linalg.norm(end, axis=1))
 
 
-def fall_with_drag(
-    states: States,
-    air: AirColumn,
-    *,
-    mass: float,
-    drag_area: float,
-    settings: FallSettings | None = None,
-) -> Impacts:
+def fall_with_drag(states: States, air: AirColumn, *, mass: float, drag_area: float, h: float = STEP) -> Impacts:
     """Return where the aircraft falls to through the air; at once where it is below the ground already.
 
     Args:
@@ -164,10 +150,9 @@ def fall_with_drag(
         air: wind and density.
         mass: kg.
         drag_area: C_D A, m2.
-        settings: of the integration; None for the defaults.
+        h: step of the integration, s.
     """
-    settings = settings or FallSettings()
-    place, velocity, h = states.place.copy(), states.velocity.copy(), settings.step
+    place, velocity = states.place.copy(), states.velocity.copy()
     time = np.zeros(len(place))
     falling = np.flatnonzero(place[:, 2] > 0.0)
 
@@ -178,7 +163,7 @@ def fall_with_drag(
         slowing = 0.5 * drag_area / mass * rho * np.linalg.norm(flow, axis=1)
         return np.concatenate([y[:, 3:], -slowing[:, None] * flow - [0.0, 0.0, g0]], axis=1)
 
-    while len(falling) and time[falling].max() < settings.duration:
+    while len(falling) and time[falling].max() < FALL_TIME_MAX:
         y = np.concatenate([place[falling], velocity[falling]], axis=1)
         k1 = rates(y)
         k2 = rates(y + 0.5 * h * k1)

@@ -1,4 +1,4 @@
-"""The footprint of flights: the ground that is met where an aircraft fails, instant by instant, and who stands there.
+"""The footprint of flights: the ground that is met where an aircraft fails, instant by instant, and the people there.
 
 At every instant the aircraft may begin to fall. The impact lies between the fall in vacuum and that with the drag area,
 as wide as the aircraft to either side, and from instant to instant this stretch sweeps over the ground. With its power
@@ -43,26 +43,19 @@ NOT_AN_AUTHORITYS = (
     "Break-up, spin, sliding wreckage, drifting pieces and the pilot's decisions are not in it."
 )
 NEEDED = ("x", "y", "height", "V_K", "chi", "gamma")
-"""The histories of a flight without which nothing falls."""
+"""The histories of a flight that a footprint needs."""
 
 
-@dataclass(frozen=True)
-class FootprintSettings:
-    """How finely a footprint is computed.
-
-    Attributes:
-        rate: instants per second of a flight: 2 m apart at 100 m/s.
-        glide_every: of how many of them one is looked at without power: its reach changes slowly.
-        stretch: points of the stretch between both falls of which distances are measured; it is some 50 m long.
-        cells: of the raster of the outline along its longer edge: some 2 m each.
-        step: of the outlines of crowds, m, and of the way of a glide, of which it is asked whether they are met.
-    """
-
-    rate: float = 50.0
-    glide_every: int = 5
-    stretch: int = 17
-    cells: int = 800
-    step: float = 10.0
+RATE = 50.0
+"""The instants of a flight, 1/s: 2 m apart at 100 m/s."""
+GLIDE_EVERY = 5
+"""Of how many instants one is looked at without power: its reach changes slowly."""
+STRETCH_POINTS = 17
+"""The points of the stretch between both falls of which distances are measured; it is some 50 m long."""
+CELLS = 800
+"""The cells of the raster of the outline along its longer edge: some 2 m each."""
+STEP = 10.0
+"""The distance of points on the outlines of crowds and on the way of a glide, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +73,7 @@ class Track:
     states: States
 
     @classmethod
-    def from_flight(cls, flight: Flight, rate: float = FootprintSettings().rate) -> "Track":
+    def from_flight(cls, flight: Flight, rate: float = RATE) -> "Track":
         """Return the instants of a flight at a rate (1/s); those at which it knows no height are left out.
 
         Raises:
@@ -91,10 +84,10 @@ class Track:
             raise UsageError(f"{flight.label} has no footprint: it does not know {', '.join(missing)}")
         time = flight.times_at_rate(rate)
         states = States.from_flight(flight, time)
-        known = np.isfinite(states.place).all(axis=1) & np.isfinite(states.velocity).all(axis=1)
-        if not known.any():
+        finite = np.isfinite(states.place).all(axis=1) & np.isfinite(states.velocity).all(axis=1)
+        if not finite.any():
             raise UsageError(f"{flight.label} has no footprint: its height or its velocity is known nowhere")
-        return cls(flight.label, time[known], States(states.place[known], states.velocity[known]))
+        return cls(flight.label, time[finite], States(states.place[finite], states.velocity[finite]))
 
 
 @dataclass(frozen=True)
@@ -139,8 +132,7 @@ class Footprint:
         drag_area: C_D A of the fall with drag, m2, and `drag_source`, where it comes from.
         glide: the best one; `glide_source` likewise.
         vacuum, drag: the falls from every instant, flight after flight.
-        reach: without power, from every `glide_every`th instant of every flight.
-        settings: how finely it is computed.
+        reach: without power, from every `GLIDE_EVERY`th instant of every flight.
     """
 
     race: Race
@@ -152,7 +144,6 @@ class Footprint:
     vacuum: Impacts
     drag: Impacts
     reach: Reach
-    settings: FootprintSettings
 
     @property
     def half_span(self) -> float:
@@ -178,7 +169,7 @@ class Footprint:
     def glide_rows(self) -> np.ndarray:
         """The instants of `reach` among all of them."""
         rows = np.arange(len(self.time))
-        return np.concatenate([rows[row][:: self.settings.glide_every] for row in self._rows()])
+        return np.concatenate([rows[row][::GLIDE_EVERY] for row in self._rows()])
 
     @cached_property
     def lengths(self) -> dict[str, Array]:
@@ -186,15 +177,15 @@ class Footprint:
         the speed and the height of the moment as if flight were level, `level`.
         """
         place = self.states.place[:, :2]
-        fallen = {"vacuum": self.vacuum, "drag": self.drag}
-        ways = {name: np.linalg.norm(one.place - place, axis=1) for name, one in fallen.items()}
+        falls = {"vacuum": self.vacuum, "drag": self.drag}
+        ways = {name: np.linalg.norm(impacts.place - place, axis=1) for name, impacts in falls.items()}
         return {**ways, "level": level_fall_distance(self.states.speed, self.states.place[:, 2])}
 
     @cached_property
     def raster(self) -> Raster:
         """The ground that falls meet."""
         swept = ((self.vacuum.place[rows], self.drag.place[rows]) for rows in self._rows())
-        return Raster.from_stretches(swept, self.half_span, self.settings.cells)
+        return Raster.from_stretches(swept, self.half_span, CELLS)
 
     @cached_property
     def falls(self) -> tuple[Outline, ...]:
@@ -215,36 +206,36 @@ class Footprint:
 
     def distances(self, crowd: Crowd) -> Array:
         """Return the least distance of every impact from people, half the span taken off, m, shape (n,)."""
-        away = np.full(len(self.time), np.inf)
-        for share in np.linspace(0.0, 1.0, self.settings.stretch).tolist():
+        distances = np.full(len(self.time), np.inf)
+        for share in np.linspace(0.0, 1.0, STRETCH_POINTS).tolist():
             points = self.vacuum.place + share * (self.drag.place - self.vacuum.place)
-            away = np.minimum(away, ground_distance(points, crowd))
-        return np.maximum(away - self.half_span, 0.0)
+            distances = np.minimum(distances, ground_distance(points, crowd))
+        return np.maximum(distances - self.half_span, 0.0)
 
     def _exposure(self, crowd: Crowd) -> CrowdExposure:
-        away = self.distances(crowd)
-        row, every = int(np.argmin(away)), self.settings.glide_every
+        distances = self.distances(crowd)
+        row = int(np.argmin(distances))
         overlap = 0.0
-        if crowd.shape is CrowdShape.AREA and away[row] == 0.0:
+        if crowd.shape is CrowdShape.AREA and distances[row] == 0.0:
             covered = self.raster.centres[self.raster.inside > 0.0]
             overlap = float((ground_distance(covered, crowd) == 0.0).sum()) * self.raster.cell**2
         straight, turned = self._glides_to(crowd)
         steps = np.concatenate([_spans(track.time) for track in self.tracks])
-        glide_steps = np.concatenate([_spans(track.time[::every]) for track in self.tracks])
-        seconds = steps[away == 0.0], glide_steps[straight], glide_steps[turned]
-        label, (hit, led, reached) = self.labels[row], (float(one.sum()) for one in seconds)
-        return CrowdExposure(crowd, float(away[row]), label, float(self.time[row]), hit, overlap, led, reached)
+        glide_steps = np.concatenate([_spans(track.time[::GLIDE_EVERY]) for track in self.tracks])
+        seconds = steps[distances == 0.0], glide_steps[straight], glide_steps[turned]
+        label, (hit, led, reached) = self.labels[row], (float(span.sum()) for span in seconds)
+        return CrowdExposure(crowd, float(distances[row]), label, float(self.time[row]), hit, overlap, led, reached)
 
     def _glides_to(self, crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
         """Return from which instants a glide straight on leads over people, and from which they are within reach."""
-        begin, step = self.states.place[self.glide_rows, :2], self.settings.step
+        begin = self.states.place[self.glide_rows, :2]
         end, ring = self.reach.straight, self.reach.turned
-        outline = _outline(crowd, step)
+        outline = _outline(crowd)
         straight = np.full(len(begin), np.inf)
-        for share in np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(end - begin, axis=1).max() / step)).tolist():
+        for share in np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(end - begin, axis=1).max() / STEP)).tolist():
             straight = np.minimum(straight, ground_distance(begin + share * (end - begin), crowd))
         turned = _within(outline, ring).any(axis=1) | (ground_distance(ring, crowd) == 0.0).any(axis=1)
-        return straight <= max(self.half_span, 0.5 * step), turned
+        return straight <= max(self.half_span, 0.5 * STEP), turned
 
     def _rows(self) -> list[slice]:
         """Return the rows of every flight."""
@@ -284,7 +275,6 @@ def footprint_of(
     *,
     drag_area: float | None = None,
     glide_ratio: float | None = None,
-    settings: FootprintSettings | None = None,
 ) -> Footprint:
     """Return the impact footprint of flights of one race.
 
@@ -293,7 +283,6 @@ def footprint_of(
         tracks: their instants, at least one.
         drag_area: C_D A of a falling aircraft, m2; None for `C_D0 S`, the least that its airframe has.
         glide_ratio: that of the handbook; None for that of the polar.
-        settings: how finely; None for the defaults.
 
     Raises:
         UsageError: a drag area or a glide ratio that no aircraft has.
@@ -302,7 +291,7 @@ def footprint_of(
     for name, value, most, unit in (("drag area", drag_area, 1000.0, " m2"), ("glide ratio", glide_ratio, 70.0, "")):
         if value is not None and not 0.0 < value <= most:
             raise UsageError(f"a {name} of {value:g}{unit} is out of range: it must lie above 0 and not above {most:g}")
-    settings, aircraft = settings or FootprintSettings(), race.aircraft
+    aircraft = race.aircraft
     states = _join(tracks)
     top = float((states.place[:, 2] + np.maximum(states.velocity[:, 2], 0.0) ** 2 / (2.0 * g0)).max())
     air = AirColumn.from_air(race.air, top)
@@ -317,8 +306,7 @@ def footprint_of(
         glide_source="the aircraft's polar, without the drag of the propeller" if glide_ratio is None else "given",
         vacuum=fall_in_vacuum(states),
         drag=fall_with_drag(states, air, mass=aircraft.airframe.m, drag_area=area),
-        reach=reach(_join(tracks, settings.glide_every), air, glide),
-        settings=settings,
+        reach=reach(_join(tracks, GLIDE_EVERY), air, glide),
     )
 
 
@@ -336,13 +324,13 @@ def _spans(time: Array) -> Array:
     return np.diff(np.concatenate([time[:1], middles, time[-1:]]))
 
 
-def _outline(crowd: Crowd, step: float) -> Array:
-    """Return points of where people stand, so far apart, m, shape (n, 2)."""
+def _outline(crowd: Crowd) -> Array:
+    """Return points of the outline of where people stand, m, shape (n, 2)."""
     corners = [(corner.north, corner.east) for corner in crowd.corners]
     corners = [*corners, corners[0]] if crowd.shape is CrowdShape.AREA else corners
     points = [np.array(corners[:1])]
     for a, b in pairwise(corners):
-        points.append(np.linspace(a, b, 2 + int(math.dist(a, b) / step)))
+        points.append(np.linspace(a, b, 2 + int(math.dist(a, b) / STEP)))
     return np.concatenate(points)
 
 
@@ -351,21 +339,19 @@ def _within(points: Array, rings: Array) -> np.ndarray:
 
     A ray from inside to the north crosses the ring an odd number of times.
     """
-    found = np.zeros((len(rings), len(points)), bool)
+    inside = np.zeros((len(rings), len(points)), bool)
     north, east = points[:, 0], points[:, 1]
     for corner in range(rings.shape[1]):
         a, b = rings[:, corner - 1, None], rings[:, corner, None]
         wide = np.where(a[..., 1] == b[..., 1], 1.0, b[..., 1] - a[..., 1])
         level = a[..., 0] + (east - a[..., 1]) / wide * (b[..., 0] - a[..., 0])
-        found ^= ((a[..., 1] > east) != (b[..., 1] > east)) & (level > north)
-    return found
+        inside ^= ((a[..., 1] > east) != (b[..., 1] > east)) & (level > north)
+    return inside
 
 
 def _rings(outlines: Sequence[Outline]) -> list[dict[str, object]]:
-    return [
-        {
-            "border": np.round(outline.border, 2).tolist(),
-            "holes": [np.round(hole, 2).tolist() for hole in outline.holes],
-        }
-        for outline in outlines
-    ]
+    rings: list[dict[str, object]] = []
+    for outline in outlines:
+        holes = [np.round(hole, 2).tolist() for hole in outline.holes]
+        rings.append({"border": np.round(outline.border, 2).tolist(), "holes": holes})
+    return rings

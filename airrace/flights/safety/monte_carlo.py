@@ -1,6 +1,6 @@
-"""The Monte Carlo simulation of closed-loop flights along an optimum, batch by batch on threads, and what it tells.
+"""The Monte Carlo simulation of closed-loop flights along an optimum, batch by batch on threads.
 
-That is counts with confidence intervals, and the scatter at every gate and on every leg.
+Its results are counts with confidence intervals, and the scatter at every gate and on every leg.
 """
 
 import math
@@ -33,14 +33,14 @@ SHARES = (0.95, 0.997)
 
 
 def fewest(share: float) -> int:
-    """Return the smallest number of flights of which one is expected beyond a quantile: of fewer it is not known."""
+    """Return the smallest number of flights of which one is expected beyond a quantile: fewer give no estimate."""
     return math.ceil(1.0 / min(share, 1.0 - share) - 1e-6)
 
 
 QUANTITIES = ("lateral", "height", "bank", "load_factor")
 """The deviations that are reported; m, m, rad, g."""
 CONTACT = ("pylon", "ground", "missed", "lost")
-"""The kinds of breaches after which a race is over, and somebody may be hurt."""
+"""The kinds of breaches that end a race and may hurt people."""
 LOAD = "load factor"
 """The kind of breach that is counted apart."""
 
@@ -165,7 +165,7 @@ def gate_stretches(names: Sequence[str], measured: FlightMeasurements, linear: A
         yield Stretch(
             name,
             {key: _deviation(values, float(sigma)) for key, (values, sigma) in rows.items()},
-            {kind: Count.with_interval(many, count) for kind, many in broken.items() if many},
+            {kind: Count.with_interval(breaches, count) for kind, breaches in broken.items() if breaches},
         )
 
 
@@ -180,10 +180,10 @@ def leg_stretches(
 
 
 def _deviation(values: Array, linear: float) -> Deviation:
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return Deviation(np.nan, (np.nan,) * len(SHARES), linear)
-    return Deviation(float(known.mean()), tuple(float(_quantile(np.abs(known), share)) for share in SHARES), linear)
+    return Deviation(float(finite.mean()), tuple(float(_quantile(np.abs(finite), share)) for share in SHARES), linear)
 
 
 def _worst(values: Array) -> Deviation:
@@ -192,8 +192,8 @@ def _worst(values: Array) -> Deviation:
     if not np.isfinite(widest[0]).any():
         return Deviation(np.nan, (np.nan,) * len(SHARES))
     row = int(np.nanargmax(widest[0]))
-    known = values[row][np.isfinite(values[row])]
-    return Deviation(float(known.mean()), tuple(_largest(one) for one in widest))
+    finite = values[row][np.isfinite(values[row])]
+    return Deviation(float(finite.mean()), tuple(_largest(quantile) for quantile in widest))
 
 
 def _largest(values: Array) -> float:
@@ -207,12 +207,12 @@ def _quantile(values: Array, share: float) -> Array:
     place = share * np.maximum(count - 1, 0)
     low = np.floor(place).astype(np.int64)
     high = np.minimum(low + 1, np.maximum(count - 1, 0))
-    first, last = (np.take_along_axis(ordered, one[..., None], axis=-1)[..., 0] for one in (low, high))
+    first, last = (np.take_along_axis(ordered, index[..., None], axis=-1)[..., 0] for index in (low, high))
     return np.where(count < fewest(share), np.nan, first + (place - low) * (last - first))
 
 
 MOST_FLIGHTS = 1_000_000
-"""The largest number of flights; more take hours, and no model is as true as their interval would be narrow."""
+"""The largest number of flights; more take hours, and the error of the model exceeds their interval."""
 
 
 def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> ClosedLoop:
@@ -239,16 +239,16 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         )
     plant = Plant.from_race(race)
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
-    alone = fly(loop, UNDISTURBED, 0, [0])
-    off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    beyond = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
-    if not len(beyond) and alone.lost[0] < len(alone.clock):
+    undisturbed = fly(loop, UNDISTURBED, 0, [0])
+    distances = np.linalg.norm(undisturbed.error[:, :3, 0], axis=1)
+    beyond = np.flatnonzero(distances > UNDISTURBED_ERROR_MAX)
+    if not len(beyond) and undisturbed.lost[0] < len(undisturbed.clock):
         raise UsageError(
             "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
-            f"{alone.sample * alone.lost[0]:.1f} s"
+            f"{undisturbed.sample * undisturbed.lost[0]:.1f} s"
         )
     if len(beyond):
-        when = float(alone.clock[beyond[0], 0])
+        when = float(undisturbed.clock[beyond[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
             f"than {UNDISTURBED_ERROR_MAX:g} m off it at {when:.1f} s"
@@ -273,8 +273,8 @@ def fly_closed_loop(
         result: its stage six-dof.
         flights: how many.
         scatter: the disturbances; None for the defaults.
-        pilot: who flies; None for the defaults.
-        seed: of all flights; flight k is the same however many there are.
+        pilot: the model of the pilot; None for the defaults.
+        seed: of all flights; flight k is the same for any number of flights.
         threads: None for one per processor.
 
     Raises:
@@ -286,11 +286,11 @@ def fly_closed_loop(
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.from_optimum(race, result, loop)
 
-    def one(numbers: range) -> FlightMeasurements:
+    def run_batch(numbers: range) -> FlightMeasurements:
         return measure(judge, loop, fly(loop, scatter, seed, numbers))
 
     with ThreadPoolExecutor(threads or available_cores()) as pool:
-        measured = together(list(pool.map(one, batches(flights))))
+        measured = together(list(pool.map(run_batch, batches(flights))))
     names = [passage.name for passage in race.course.passages]
     broken = {
         "pylon": np.asarray(measured.touched.any(axis=0)),
@@ -299,7 +299,7 @@ def fly_closed_loop(
         "lost": measured.lost,
     }
     contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
-    outside = np.logical_or.reduce([one for kind, one in broken.items() if kind != LOAD])
+    outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind != LOAD])
     clock, passings = grid_of(loop.nominal), loop.nominal.passings
     with np.errstate(all="ignore"):
         envelope = np.stack([_quantile(measured.deviations, share) for share in ENVELOPE])
@@ -309,7 +309,7 @@ def fly_closed_loop(
         seed=seed,
         flights=flights,
         race_time=result.trajectory.race_time,
-        counts={kind: Count.with_interval(int(one.sum()), flights) for kind, one in broken.items()},
+        counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in broken.items()},
         contact=Count.with_interval(int(contact.sum()), flights),
         outside=Count.with_interval(int(outside.sum()), flights),
         gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
@@ -332,7 +332,7 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
     P, nominal, plant = covariance(loop, scatter), loop.nominal, loop.plant
     size, count, row = P.shape[1], len(ERRORS), plant.path_row("n_z")
     clock = np.minimum(np.rint(nominal.passings / loop.pilot.sample).astype(np.int64), len(P) - 1)
-    found = np.zeros((len(clock), 5))
+    sigma = np.zeros((len(clock), 5))
 
     def load(x: Array, d: Array) -> Array:
         return plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[[row]]
@@ -341,7 +341,9 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
         line = nominal.at(nominal.passings[number : number + 1])
         line[4:8] /= np.linalg.norm(line[4:8], axis=0)
         onto, sooner = onto_plane(nominal, passing, number, line)
-        away = np.array(rotation([float(one) for one in line[4:8, 0]]))  # north, east, down per error of position
+        away = np.array(
+            rotation([float(component) for component in line[4:8, 0]])
+        )  # north, east, down per error of position
         axis = axis_of(passing, line)
         J = np.zeros((5, size))
         J[0, :count] = (axis[0] * away[1] - axis[1] * away[0]) @ onto[:3]
@@ -351,5 +353,5 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
         J[3, :count] = J[3, :count] @ onto
         J[4, -1] = 1.0
         J[4, :3] -= sooner
-        found[number] = np.sqrt(np.maximum(np.diag(J @ P[k] @ J.T), 0.0))
-    return found
+        sigma[number] = np.sqrt(np.maximum(np.diag(J @ P[k] @ J.T), 0.0))
+    return sigma

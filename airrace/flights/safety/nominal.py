@@ -61,20 +61,20 @@ class NominalFlight:
             raise UsageError(f"closed-loop flights follow an optimum of six-dof; {result.stage.value} is another stage")
         count = int(np.floor(trajectory.time[-1] / TABLE_STEP)) + 1
         times = instants(TABLE_STEP, count)
-        known = stored_stages.sampler(race, result)(times)
-        state = np.stack([known[name] for name in names])
+        histories = stored_stages.sampler(race, result)(times)
+        state = np.stack([histories[name] for name in names])
         if not np.isfinite(state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")
         controls = np.stack([trajectory[control.name] for control in plant.system.controls])
         sums = np.pad(np.cumsum(controls * np.diff(trajectory.time), axis=1), ((0, 0), (1, 0)))
         moved = np.stack([np.asarray(np.interp(times, trajectory.time, row), np.float64) for row in sums])
-        held = np.zeros((CONTROLS + DISTURBANCES, 1))
-        held[CONTROLS - 1] = controls[-1, -1]
-        rates, behind, x = plant.rates_of(held), list[Array](), state[:, -1:]
+        inputs = np.zeros((CONTROLS + DISTURBANCES, 1))
+        inputs[CONTROLS - 1] = controls[-1, -1]
+        rates, behind, x = plant.rates_of(inputs), list[Array](), state[:, -1:]
         for _ in range(round(RUN_OUT / TABLE_STEP)):
             x = advance(rates, x, TABLE_STEP)
             behind.append(x)
-        last = moved[:, -1:] + held[:CONTROLS] * TABLE_STEP * np.arange(1, len(behind) + 1)
+        last = moved[:, -1:] + inputs[:CONTROLS] * TABLE_STEP * np.arange(1, len(behind) + 1)
         first = trajectory.first_node.tolist()
         states, sums = np.hstack([state, *behind]).T, np.hstack([moved, last]).T
         return cls(np.ascontiguousarray(states), np.ascontiguousarray(sums), trajectory.time[first])
@@ -113,15 +113,17 @@ def _between(table: Array, clock: Array) -> Array:
 def errors(state: Array, line: Array) -> Array:
     """Return the errors (16, n) of states against those on the line, both (17, n)."""
     R = rotation(list(line[4:8]))
-    away = state[:3] - line[:3]
+    offset = state[:3] - line[:3]
     a, b, c, d = line[4:8]
     turned = product((a, -b, -c, -d), list(state[4:8]))
     side = np.where(turned[0] < 0.0, -2.0, 2.0)
-    position = [R[0][i] * away[0] + R[1][i] * away[1] + R[2][i] * away[2] for i in range(3)]
-    return np.stack([*position, state[3] - line[3], *(side * one for one in turned[1:]), *(state[8:] - line[8:])])
+    position = [R[0][i] * offset[0] + R[1][i] * offset[1] + R[2][i] * offset[2] for i in range(3)]
+    return np.stack(
+        [*position, state[3] - line[3], *(side * component for component in turned[1:]), *(state[8:] - line[8:])]
+    )
 
 
-def displaced(line: Array, error: Array) -> Array:
+def displace(line: Array, error: Array) -> Array:
     """Return the states (17, n) that have errors (16, n) against those on the line, the inverse of `errors`."""
     R = rotation(list(line[4:8]))
     position = [line[i] + R[i][0] * error[0] + R[i][1] * error[1] + R[i][2] * error[2] for i in range(3)]
@@ -141,15 +143,15 @@ def gradients(values: Callable[[Array, Array], Array], line: Array) -> Array:
         Shape (k, n, 16 + 6).
     """
     width, size = 1e-5, len(ERRORS)
-    found: list[Array] = []
+    derivatives: list[Array] = []
     for place in range(size + DISTURBANCES):
         ends: list[Array] = []
         for side in (width, -width):
-            off = np.zeros((size + DISTURBANCES, line.shape[1]))
-            off[place] = side
-            ends.append(values(displaced(line, off[:size]), off[size:]))
-        found.append((ends[0] - ends[1]) / (2.0 * width))
-    return np.stack(found, axis=2)
+            displacement = np.zeros((size + DISTURBANCES, line.shape[1]))
+            displacement[place] = side
+            ends.append(values(displace(line, displacement[:size]), displacement[size:]))
+        derivatives.append((ends[0] - ends[1]) / (2.0 * width))
+    return np.stack(derivatives, axis=2)
 
 
 def abeam(nominal: NominalFlight, state: Array, clock: Array) -> Array:

@@ -1,6 +1,6 @@
 """Outlines of ground that is covered: points within a width, on a raster, by marching squares.
 
-The points are entered into a raster; the distance transform tells how far every cell is from the nearest of them, and
+The points are entered into a raster; the distance transform gives how far every cell is from the nearest of them, and
 the outline is where that is the width. It is true to about a cell.
 """
 
@@ -72,8 +72,8 @@ class Raster:
         for begin, end in swept:
             rows, columns = np.rint((sweep(begin, end, cell) - corner) / cell).astype(np.int64).T
             empty[rows, columns] = False
-        away = np.asarray(distance_transform_edt(empty), np.float64)
-        return cls(corner, cell, width - cell * away)
+        distance = np.asarray(distance_transform_edt(empty), np.float64)
+        return cls(corner, cell, width - cell * distance)
 
     @property
     def centres(self) -> Array:
@@ -117,7 +117,7 @@ class Raster:
         """Return where the outline crosses some edges, m, shape (n, 2)."""
         begin = np.array([(row, column) for row, column, _ in ring])
         step = np.array([(1, 0) if north else (0, 1) for _, _, north in ring])
-        a, b = (self.inside[tuple(one.T)] for one in (begin, begin + step))
+        a, b = (self.inside[tuple(index.T)] for index in (begin, begin + step))
         return self.corner + self.cell * (begin + (a / (a - b))[:, None] * step)
 
 

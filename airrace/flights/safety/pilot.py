@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from airrace.flights.safety.disturbances import PILOT_DELAY
-from airrace.flights.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors, instants
+from airrace.flights.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displace, errors, instants
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, Plant, advance
 from airrace.optimal_control.trajectory import Array
 
@@ -43,7 +43,7 @@ class PilotModel:
         urgent: distance from the line, m, beyond which it is not corrected any harder.
         end: time that errors count for at the end of the line, s.
         stall_margin: angle of attack short of the stall, rad, within which ever less is pulled to correct the path: the
-            buffet tells. A judgement.
+            buffet warns. A judgement.
     """
 
     sample: float = 0.02
@@ -71,14 +71,13 @@ class PilotModel:
     @property
     def state_cost(self) -> Array:
         """Q of one sample, shape (16, 16)."""
-        return self.sample * np.diag(
-            [1.0 / self.allowed[name] ** 2 if name in self.allowed else 0.0 for name in ERRORS]
-        )
+        # what is not listed may deviate by any amount
+        return self.sample * np.diag([1.0 / self.allowed.get(name, np.inf) ** 2 for name in ERRORS])
 
     @property
     def control_cost(self) -> Array:
         """R of one sample, shape (4, 4)."""
-        return self.sample * np.diag([1.0 / one**2 for one in self.brisk])
+        return self.sample * np.diag([1.0 / rate**2 for rate in self.brisk])
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,17 +120,17 @@ def linearise(plant: Plant, nominal: NominalFlight, sample: float) -> LinearFlig
             if place < SIZE:
                 error = np.zeros((SIZE, count - 1))
                 error[place] = side
-                start = displaced(begin, error)
+                start = displace(begin, error)
             else:
                 inputs[place - SIZE] += side
             ends.append(errors(advance(rates, start, sample), end))
         columns.append((ends[0] - ends[1]) / (2.0 * width))
-    whole = np.moveaxis(np.stack(columns, axis=1), 2, 0)  # (N, 16, 16 + 4 + 6)
+    derivatives = np.moveaxis(np.stack(columns, axis=1), 2, 0)  # (N, 16, 16 + 4 + 6)
     flow = errors(nominal.at(clock[1:] + TABLE_STEP), end) - errors(nominal.at(clock[1:] - TABLE_STEP), end)
     flow /= 2.0 * TABLE_STEP
-    slip = whole[:, 0] / flow[0][:, None]
-    whole = whole - flow.T[:, :, None] * slip[:, None, :]
-    F, G, E = np.split(whole, [SIZE, SIZE + CONTROLS], axis=2)
+    slip = derivatives[:, 0] / flow[0][:, None]
+    derivatives = derivatives - flow.T[:, :, None] * slip[:, None, :]
+    F, G, E = np.split(derivatives, [SIZE, SIZE + CONTROLS], axis=2)
     return LinearFlight(F, G, E, slip)
 
 
@@ -166,17 +165,17 @@ def predictors(F: Array, G: Array, waiting: int) -> Array:
     later = np.zeros((count, n, n + waiting * G.shape[2]))
     later[:, :, :n] = np.eye(n)
     for j in range(waiting):
-        held = np.minimum(np.arange(count) + j, count - 1)
-        later = np.einsum("kij,kjl->kil", F[held], later)
+        rows = np.minimum(np.arange(count) + j, count - 1)
+        later = np.einsum("kij,kjl->kil", F[rows], later)
         part = slice(n + j * G.shape[2], n + (j + 1) * G.shape[2])
-        later[:, :, part] = later[:, :, part] + G[held]
+        later[:, :, part] = later[:, :, part] + G[rows]
     return later
 
 
-def delayed(K: Array, later: Array, waiting: int) -> Array:
+def delayed_gains(K: Array, later: Array, waiting: int) -> Array:
     """Return the gains L of v = L (e, what waits) that move the stick `waiting` samples later, (N, n_u, n + d n_u)."""
-    held = np.minimum(np.arange(len(K)) + waiting, len(K) - 1)
-    return -K[held] @ later
+    rows = np.minimum(np.arange(len(K)) + waiting, len(K) - 1)
+    return -K[rows] @ later
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,16 +183,16 @@ class PilotGains:
     """The feedback of a pilot along a line.
 
     Attributes:
-        known: from errors and waiting decisions to the decision, and to the error of the angle of attack when it moves
-            the stick, shape (N, 5, 16 + 4 d).
+        feedback: from errors and waiting decisions to the decision, and to the error of the angle of attack when it
+            moves the stick, shape (N, 5, 16 + 4 d).
     """
 
-    known: Array
+    feedback: Array
 
     @property
     def L(self) -> Array:
         """From errors and waiting decisions to the decision, shape (N, 4, 16 + 4 d)."""
-        return self.known[:, :CONTROLS]
+        return self.feedback[:, :CONTROLS]
 
 
 def train(model: PilotModel, linear: LinearFlight) -> PilotGains:
@@ -202,4 +201,4 @@ def train(model: PilotModel, linear: LinearFlight) -> PilotGains:
     K = regulator(linear.F, linear.G, Q, model.control_cost, Q * model.end / model.sample)
     later = predictors(linear.F, linear.G, model.waiting)
     alpha = later[:, [ERRORS.index("alpha_K")]]
-    return PilotGains(np.concatenate([delayed(K, later, model.waiting), alpha], axis=1))
+    return PilotGains(np.concatenate([delayed_gains(K, later, model.waiting), alpha], axis=1))

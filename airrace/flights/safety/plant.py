@@ -67,7 +67,10 @@ class _DisturbedField(WindField):
         return True
 
     def velocity(self, x: Scalar, y: Scalar, z: Scalar, p: Any) -> list[Scalar]:  # Any: symbols
-        return [one + more for one, more in zip(super().velocity(x, y, z, p[:-3]), p[-3:], strict=True)]
+        return [
+            component + disturbance
+            for component, disturbance in zip(super().velocity(x, y, z, p[:-3]), p[-3:], strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,7 @@ class Plant:
 
     def path_row(self, name: str) -> int:
         """Return the row of a path quantity."""
-        return [one.name for one in self.system.path].index(name)
+        return [quantity.name for quantity in self.system.path].index(name)
 
 
 def advance(rates: Callable[[Array], Array], state: Array, seconds: float) -> Array:
@@ -125,7 +128,7 @@ def advance(rates: Callable[[Array], Array], state: Array, seconds: float) -> Ar
 @functools.lru_cache(maxsize=8)
 def _functions(profile: Any, thermals: int) -> tuple[ca.Function, ca.Function, ca.Function]:  # Any: a profile or None
     plain, field = WindField(profile, thermals), _DisturbedField(profile, thermals)
-    x, u, d = (named_symbols(one.quantities()) for one in (SixDofState, SurfaceControl, Disturbance))
+    x, u, d = (named_symbols(part.quantities()) for part in (SixDofState, SurfaceControl, Disturbance))
     declared = (*InnerLoopParameters.quantities(), *AtmosphereParameters.quantities(), *plain.parameters)
     p = named_symbols(declared)
     aircraft = InnerLoopParameters[Scalar](**{name: p[name] for name in InnerLoopParameters.names()})
@@ -186,11 +189,11 @@ class GustFilter:
         """Return histories of (u, v, w), m/s, shape (N, 3, n), stationary from their start, one per generator."""
         count = len(self.step)
         white = np.stack([generator.standard_normal((count + 1, GUST_STATES)) for generator in generators], axis=2)
-        state, found = np.sqrt(np.diag(STATIONARY_GUSTS))[:, None] * white[0], np.empty((count, 3, len(generators)))
+        state, velocity = np.sqrt(np.diag(STATIONARY_GUSTS))[:, None] * white[0], np.empty((count, 3, len(generators)))
         for k in range(count):
-            found[k] = _times(self.output[k], state)
+            velocity[k] = _times(self.output[k], state)
             state = _times(self.step[k], state) + _times(self.noise[k], white[k + 1])
-        return found
+        return velocity
 
 
 def _times(matrix: Array, columns: Array) -> Array:

@@ -14,7 +14,7 @@ of the inputs and tightens all limits that come from it. `price` is what it cost
 apart into one search along each margin.
 
 A pilot at the stall cannot pull harder when he is off the line, so that a flight that stays there for long scatters
-more than its covariance says. A margin of the lift coefficient leaves him that.
+more than its covariance predicts. A margin of the lift coefficient leaves him that.
 """
 
 import math
@@ -128,7 +128,7 @@ class Limit:
     def risk(self, margin: Array) -> Array:
         """Return the probability of a breach where the optimum keeps a margin, of any shape.
 
-        A limit that does not bind leaves the room that it leaves now, whatever the margin; one that does, none.
+        A limit that does not bind leaves the room that it leaves now at any margin; one that does, none.
         """
         needed = self.allowed + self.rate * (margin - self.idle)
         binds = self.room - self.allowed - self.rate * max(self.present - self.idle, 0.0) < BINDING_ROOM * self.sigma
@@ -150,13 +150,13 @@ def limits_of(
     judge, P = Judge.from_optimum(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
     limits = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
     near = (limit for limit in limits if limit.sigma > 0.0 and limit.room < 3.0 * MARGIN_MAX * limit.sigma)
-    tolerated = {
-        course_limit.key for course_limit in course_limits(race) if math.isfinite(course_limit.value)
-    }  # a `point` has no tolerances
-    return [
-        replace(limit, key=limit.key if limit.key in tolerated else "", present=margins.get(limit.key, 0.0))
-        for limit in near
-    ]
+    # a `point` has no tolerances
+    tolerated = {course_limit.key for course_limit in course_limits(race) if math.isfinite(course_limit.value)}
+    present: list[Limit] = []
+    for limit in near:
+        key = limit.key if limit.key in tolerated else ""
+        present.append(replace(limit, key=key, present=margins.get(limit.key, 0.0)))
+    return present
 
 
 def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
@@ -167,7 +167,7 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
             continue
         ends, room = _rooms(judge, waypoint, line)
         onto, _ = onto_plane(loop.nominal, judge.passings[number], number, line)
-        slopes = gradients(lambda x, _, it=waypoint: _rooms(judge, it, x)[1], line)[:, 0, :SIZE]
+        slopes = gradients(lambda x, _, waypoint=waypoint: _rooms(judge, waypoint, x)[1], line)[:, 0, :SIZE]
         towards, slopes = _directions(slopes), slopes @ onto
         now = _at(P, loop, loop.nominal.passings[number])[:SIZE, :SIZE]
         sigma = np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, now, slopes), 0.0))
@@ -202,11 +202,11 @@ def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[
     passing = judge.boundary(waypoint)
     assert passing.observation is not None  # it is the boundary of a passage
     rows = {quantity.name: row for row, quantity in enumerate(passing.observation.quantities)}
-    seen = at_points(passing.observation.values, states, np.array(passing.values))
+    outputs = at_points(passing.observation.values, states, np.array(passing.values))
     bounds = [(name, bound) for name, bound in passing.bounds.items() if name in rows]
-    both = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
-    stated = [(name, sign, end) for name, sign, end in both if math.isfinite(end)]
-    rooms = [sign * (end - seen[rows[name]]) for name, sign, end in stated]
+    ranges = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
+    stated = [(name, sign, end) for name, sign, end in ranges if math.isfinite(end)]
+    rooms = [sign * (end - outputs[rows[name]]) for name, sign, end in stated]
     return [(name, sign) for name, sign, _ in stated], np.array(rooms)
 
 
@@ -229,7 +229,7 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
         if room > FAR:
             continue
         at = nominal.at(np.array([approach.time]))
-        slopes = gradients(lambda x, _, it=pylon: wing_distance(it, *wing_of(x, judge.semispan))[None], at)[0, 0]
+        slopes = gradients(lambda x, _, pylon=pylon: wing_distance(pylon, *wing_of(x, judge.semispan))[None], at)[0, 0]
         sigma = math.sqrt(slopes @ _at(P, loop, approach.time) @ slopes)
         if pylon.is_obstacle:
             yield Limit(f"obstacles.{pylon.name}.clearance_m", "flight clearance", place, room, sigma, allowed)
@@ -263,8 +263,10 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         distances = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
         distances += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
         for crowd in course.crowd:
-            away = ground_distance(places, crowd)
-            distances.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
+            distance = ground_distance(places, crowd)
+            if crowd.slant:
+                distance = np.hypot(distance, height - crowd.height)
+            distances.append(distance - crowd.distance)
         distances += [beside_line(places, safety_line) - safety_line.margin for safety_line in course.safety_lines]
         if course.airspace:
             distances.append(beside_border(places, course.airspace))
@@ -277,7 +279,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         "rules.n_z_min": max(judge.load.lower - rules.n_z.lower, 0.0),
         "rules.C_L_max": max(min(rules.C_L.upper, lift.C_L_max) - reached, 0.0),
     }
-    with np.errstate(invalid="ignore"):  # of limits that nobody has set
+    with np.errstate(invalid="ignore"):  # of limits that are not set
         slopes = np.nan_to_num(gradients(rooms, line))
     sigma = np.sqrt(np.maximum(np.einsum("qni,nij,qnj->qn", slopes, P, slopes), 0.0))
     room = rooms(line, np.zeros((DISTURBANCES, len(clock))))

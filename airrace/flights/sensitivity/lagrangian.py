@@ -199,7 +199,7 @@ def _active(multiplier: Array, value: Array, lower: Array, upper: Array) -> tupl
 
 
 def _observers(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
-    """Yield whatever observes: its limits and the parameters of its observation, in the order of the program."""
+    """Yield the limits and the parameters of every observation, in the order of the program."""
     for number, boundary in enumerate(problem.boundaries):
         if boundary.observation is not None:
             yield ("boundary", (number, 0)), boundary.bounds, boundary.values
@@ -211,16 +211,13 @@ def _observers(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval]
 def _structure(problem: Problem) -> object:
     """Return what problems have in common that differ in numbers alone: their parameters and conditions."""
     system = problem.system
-    observed = [
-        (
-            owner,
-            len(values),
-            {name: (math.isfinite(bound.lower), math.isfinite(bound.upper)) for name, bound in bounds.items()},
-        )
-        for owner, bounds, values in _observers(problem)
-    ]
-    names = [[quantity.name for quantity in part] for part in (system.states, system.controls, system.path)]
-    return len(problem.parameters), names, observed
+    observed: list[object] = []
+    for owner, bounds, values in _observers(problem):
+        finite = {name: (math.isfinite(bound.lower), math.isfinite(bound.upper)) for name, bound in bounds.items()}
+        observed.append((owner, len(values), finite))
+    sizes = len(system.states), len(system.controls), len(system.path)
+    names = [quantity.name for quantity in (*system.states, *system.controls, *system.path)]
+    return len(problem.parameters), sizes, names, observed
 
 
 def _by_system_parameters(functions: Evaluation, layout: Layout, w: Array, p: Array, lam: Array) -> Array:
@@ -290,11 +287,13 @@ def sensitivities(
         CheckpointError: the stored multipliers do not belong to a flight of this race.
     """
     if not result.holds:
-        stage, wanted = result.stage.value, "only a certified or solved stage has sensitivities"
+        stage, requirement = result.stage.value, "only a certified or solved stage has sensitivities"
         if result.certificate is None:
-            raise NotCertified(f"{stage} is a guess and no optimum: {wanted}")
+            raise NotCertified(f"{stage} is a guess and no optimum: {requirement}")
         plain = result.outcome in (Status.SOLVED, Status.NOT_CERTIFIED)
-        raise NotCertified(f"{stage} is not certified{'' if plain else f', it ended {result.outcome.value}'}: {wanted}")
+        raise NotCertified(
+            f"{stage} is not certified{'' if plain else f', it ended {result.outcome.value}'}: {requirement}"
+        )
     if result.is_rough:
         raise NotCertified(
             f"{result.stage.value} was solved only as closely as the next stage needs, too roughly for sensitivities; "
@@ -339,9 +338,9 @@ def _classify(up: Value | None, down: Value | None, step: float) -> tuple[float,
     """Return the sensitivities to both sides, to which sides the number matters, and why if that is but one."""
     free = FREE_COST / step
     if up is None or down is None:
-        one = up or down
-        assert one is not None
-        only = one.strong + one.weak
+        value = up or down
+        assert value is not None
+        only = value.strong + value.weak
         sides = (only if up else math.nan, only if down else math.nan)
         if abs(only) < free:
             return *sides, Activity.FREE, ""

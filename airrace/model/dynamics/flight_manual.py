@@ -142,18 +142,13 @@ def _maximum(value: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-@dataclass(frozen=True)
-class Plausible:
-    """What aircraft with propellers have; figures that ask for more contradict each other. `C_L_max` without flaps."""
+# The ranges of aircraft with propellers; figures that ask for more contradict each other.
+ASPECT_RATIO_RANGE = Interval(2.0, 30.0)
+C_L_MAX_RANGE = Interval(0.7, 2.5)  # without flaps
+C_D0_RANGE = Interval(0.008, 0.12)
+EFFICIENCY_RANGE = Interval(0.4, 0.95)
+HELIX_ANGLE_RANGE = Interval(0.01, 0.8)
 
-    aspect_ratio: Interval = Interval(2.0, 30.0)
-    C_L_max: Interval = Interval(0.7, 2.5)
-    C_D0: Interval = Interval(0.008, 0.12)
-    efficiency: Interval = Interval(0.4, 0.95)
-    helix_angle: Interval = Interval(0.01, 0.8)
-
-
-PLAUSIBLE = Plausible()
 GIVEN = "given"
 """The relation of a number that the manual itself gives."""
 
@@ -163,7 +158,7 @@ Relations = Mapping[tuple[str, str], str]
 
 @dataclass(frozen=True)
 class ManualFigures:
-    """The figures of a flight manual, in SI and rad, at sea level; None where it says nothing.
+    """The figures of a flight manual, in SI and rad, at sea level; None where it has none.
 
     Attributes:
         mass, span, area, power: of the aircraft that flies.
@@ -192,7 +187,7 @@ class ManualFigures:
 
 
 class Estimation:
-    """The template on its way to the aircraft: every step changes numbers and says by which relation."""
+    """The template on its way to the aircraft: every step changes numbers and records by which relation."""
 
     def __init__(self, template: Aircraft, figures: ManualFigures) -> None:
         """Take the template and the figures."""
@@ -206,7 +201,7 @@ class Estimation:
         self.relations.update({(group, name): relation for name in values})
 
     def scale(self, group: str, factor: float, relation: str, *names: str) -> None:
-        """Multiply numbers of a group by a factor; nothing is said of numbers that stay."""
+        """Multiply numbers of a group by a factor; numbers that stay are not recorded."""
         values = {name: getattr(getattr(self.aircraft, group), name) for name in names}
         if not math.isclose(factor, 1.0, rel_tol=1e-9):
             self.change(group, relation, **{name: factor * value for name, value in values.items() if value})
@@ -245,7 +240,7 @@ def _geometry(work: Estimation) -> None:
     m, b, S = (getattr(work.aircraft.airframe, name) for name in ("m", "b", "S"))
     A, A_old = b * b / S, old.b**2 / old.S
     text = f"a span of {b:g} m (--span) and an area of {S:g} m2 (--area) make an aspect ratio of"
-    _ensure(A, PLAUSIBLE.aspect_ratio, text, "Which of them is it not?")
+    _ensure(A, ASPECT_RATIO_RANGE, text, "Which of them is it not?")
     inertia = m * b * b / (old.m * old.b**2)
     work.scale("airframe", inertia, "m b^2, radii of gyration of the template", "I_x", "I_y", "I_z", "I_xz")
     chord = S / b / (old.S / old.b)
@@ -269,7 +264,7 @@ def _lift(work: Estimation) -> None:
         return
     C_L_max = 2.0 * airframe.m * g0 / (RHO_ISA * V * V * airframe.S)
     text = f"a stall at {V:.4g} m/s (--stall) with {airframe.m:g} kg and {airframe.S:g} m2 takes a C_L_max of"
-    _ensure(C_L_max, PLAUSIBLE.C_L_max, text, "Is it without flaps, and with this mass (--manual-mass)?")
+    _ensure(C_L_max, C_L_MAX_RANGE, text, "Is it without flaps, and with this mass (--manual-mass)?")
     work.change("lift", "stall speed: 2 m g0/(rho V_S^2 S)", C_L_max=C_L_max)
     work.change("lift", "in the template's ratio to C_L_max", C_L_min=C_L_max * lift.C_L_min / lift.C_L_max)
 
@@ -286,7 +281,7 @@ def _propulsion(work: Estimation) -> None:
     if V is not None and stall_speed(manual) >= V:
         raise UsageError(f"--speed-max {V:.4g} m/s is below the stall, {stall_speed(manual):.4g} m/s")
     if climb is not None:
-        ends, top = PLAUSIBLE.efficiency, f" and {V:.4g} m/s top speed" if V else ""
+        ends, top = EFFICIENCY_RANGE, f" and {V:.4g} m/s top speed" if V else ""
         slow, fast = (climb_rate(_with_efficiency(manual, eta, V)) for eta in (ends.lower, ends.upper))
         text = f"{conditions}{top} no propeller makes a climb (--climb) in m/s of"
         _ensure(climb, Interval(slow, fast), text, "At which mass does it hold (--manual-mass)?")
@@ -295,7 +290,7 @@ def _propulsion(work: Estimation) -> None:
     if V is not None:
         C_D0 = _with_efficiency(manual, work.aircraft.propulsion.eta_p, V).drag.C_D0
         text = f"a top speed of {V:.4g} m/s (--speed-max) {conditions} and {manual.airframe.S:g} m2 takes a C_D0 of"
-        _ensure(C_D0, PLAUSIBLE.C_D0, text, "Is it of level flight at sea level, with this power (--manual-power)?")
+        _ensure(C_D0, C_D0_RANGE, text, "Is it of level flight at sea level, with this power (--manual-power)?")
         work.change("drag", "top speed: T = D in level flight", C_D0=C_D0)
 
 
@@ -345,7 +340,7 @@ def _rolling(work: Estimation) -> None:
         manual = work.by_the_manual
         fast, speed = V or performance(manual).V_A, f"{V:.1f} m/s" if V else "V_A"
         text = f"{math.degrees(p):.0f} deg/s (--roll-rate) at {fast:.1f} m/s take a helix angle p b/(2 V) of"
-        _ensure(p * manual.airframe.b / (2.0 * fast), PLAUSIBLE.helix_angle, text, "Which speed is it (--roll-speed)?")
+        _ensure(p * manual.airframe.b / (2.0 * fast), HELIX_ANGLE_RANGE, text, "Which speed is it (--roll-speed)?")
         factor = p / roll_rate(manual, fast)
         work.scale("roll", factor, f"roll rate at {speed}: C_lp p b/(2 V xi_max)", "C_lxi")
         work.scale("yaw", factor, "adverse yaw: as C_lxi", "C_nxi")

@@ -8,7 +8,7 @@ before it and rest during it. Only the flight through a course with a roll carri
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Any, Protocol, TypeVar
 
@@ -120,15 +120,7 @@ def assemble(
     declared = structure.states, structure.controls, vectors[2].quantities()
     if unknown := bounds.keys() - {quantity.name for quantities in declared for quantity in quantities}:
         raise KeyError(", ".join(sorted(unknown)))
-    states, controls, path = (
-        tuple(
-            dataclasses.replace(quantity, lower=bounds[quantity.name].lower, upper=bounds[quantity.name].upper)
-            if quantity.name in bounds
-            else quantity
-            for quantity in quantities
-        )
-        for quantities in declared
-    )
+    states, controls, path = (_with_bounds(quantities, bounds) for quantities in declared)
     system = System(
         name="+".join(part for part in (name, wind.label, "rolls" if counting else "") if part),
         states=states,
@@ -141,6 +133,14 @@ def assemble(
     )
     values = [*aircraft.join(), *atmosphere_parameters(air).join(), *wind.values(air)]
     return FlightModel(system, np.array(values), at_rest, brisk or {})
+
+
+def _with_bounds(quantities: Sequence[Quantity], bounds: Mapping[str, Interval]) -> tuple[Quantity, ...]:
+    bounded: list[Quantity] = []
+    for declared in quantities:
+        bound = bounds.get(declared.name, Interval(declared.lower, declared.upper))
+        bounded.append(dataclasses.replace(declared, lower=bound.lower, upper=bound.upper))
+    return tuple(bounded)
 
 
 # Any in what follows: the vectors of an arbitrary model, which fit its equations as `assemble` demands.

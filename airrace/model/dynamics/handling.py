@@ -1,4 +1,4 @@
-"""The handling of an aircraft, in the words of those who build and fly it.
+"""The handling of an aircraft, in the terms of its designers and pilots.
 
 A fault leaves a command without a solution, so no controller can help it. A remark is a weakness that may show in a
 race.

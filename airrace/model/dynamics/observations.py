@@ -159,11 +159,11 @@ def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
         return crossing
     x = ca.SX.sym("x", crossing.values.size1_in(0))
     b, own = named_symbols(crossing.parameters), named_symbols(sight.parameters)
-    seen = crossing.values(x, column(b.values()))
-    by_name = {quantity.name: seen[row] for row, quantity in enumerate(crossing.quantities)}
+    outputs = crossing.values(x, column(b.values()))
+    by_name = {quantity.name: outputs[row] for row, quantity in enumerate(crossing.quantities)}
     if twice := by_name.keys() & {quantity.name for quantity in sight.quantities}:
         raise ValueError(f"{sight.name} sees {', '.join(sorted(twice))}, which is seen at every crossing")
-    values = column([*seen.elements(), *sight.values(by_name, {**b, **own})])
+    values = column([*outputs.elements(), *sight.values(by_name, {**b, **own})])
     return Observation(
         name=f"{crossing.name} and {sight.name}",
         quantities=(*crossing.quantities, *sight.quantities),
@@ -353,8 +353,8 @@ def crowd_values(crowd: Crowd) -> tuple[float, ...]:
 def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: bool) -> Observation:
     """Return the observation of the distance from a crowd for a model whose states include `x, y, z`."""
     x, b = named_symbols(states), named_symbols(kind.parameters)
-    height, keep, *rest = b.values()
-    corners = list(zip(rest[::2], rest[1::2], strict=True))
+    height, keep, *corner_values = b.values()
+    corners = list(zip(corner_values[::2], corner_values[1::2], strict=True))
     width = None if exact else keep
     distance = _ground_distance(kind.shape, (x["x"], x["y"]), corners, width)
     if kind.slant:
@@ -385,11 +385,11 @@ def _ground_distance(shape: CrowdShape, place: Place, corners: Sequence[Place], 
 def _edge_distance(place: Place, a: Place, b: Place, keep: Scalar | None) -> Scalar:
     along = (b[0] - a[0], b[1] - a[1])
     length = sqrt(along[0] * along[0] + along[1] * along[1])
-    away = (place[0] - a[0], place[1] - a[1])
-    foot = (away[0] * along[0] + away[1] * along[1]) / length
+    offset = (place[0] - a[0], place[1] - a[1])
+    foot = (offset[0] * along[0] + offset[1] * along[1]) / length
     width = None if keep is None else CLIP_WIDTH * keep
     foot = minimum(maximum(foot, 0.0), length) if width is None else smooth_clip(foot, 0.0, length, width)
-    return _length(away[0] - foot * along[0] / length, away[1] - foot * along[1] / length, keep)
+    return _length(offset[0] - foot * along[0] / length, offset[1] - foot * along[1] / length, keep)
 
 
 def _length(north: Scalar, east: Scalar, keep: Scalar | None) -> Scalar:
@@ -483,7 +483,7 @@ def pylon_room_observation(system: System) -> Observation:
             """Return the way from the tip to the top of the pylon, and the velocity of the tip, at a time."""
             wing = [w + rate * t + 0.5 * bent * t * t for w, rate, bent in zip(right, turning, bend, strict=True)]
             rates = [rate + bent * t for rate, bent in zip(turning, bend, strict=True)]
-            half = side * b["semispan"] / sqrt(sum(one * one for one in wing))
+            half = side * b["semispan"] / sqrt(sum(component * component for component in wing))
             rows = list(zip(way, velocity, acceleration, wing, rates, strict=True))
             return [d - v * t - 0.5 * a * t * t - half * w for d, v, a, w, _ in rows], [
                 v + a * t + half * rate for _, v, a, _, rate in rows

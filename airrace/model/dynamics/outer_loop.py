@@ -87,7 +87,7 @@ def load_factors_of_motion(state: FlightPathState[Scalar], rates: FlightPathStat
     R = rotation(state.q)
     q0, q1, q2, q3 = state.q
     twice = 2.0 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-    _, p_Kbar, q_Kbar, r_Kbar = (twice * one for one in product((q0, -q1, -q2, -q3), rates.q))
+    _, p_Kbar, q_Kbar, r_Kbar = (twice * component for component in product((q0, -q1, -q2, -q3), rates.q))
     return LoadFactors(
         n_x=rates.V_K / g0 - R[2][0],
         n_y=r_Kbar * state.V_K / g0 - R[2][1],

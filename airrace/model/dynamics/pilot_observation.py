@@ -51,7 +51,7 @@ def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     by_name: dict[str, Scalar] = dict(zip(x, rates.elements(), strict=True))
     n_z, n_y, beta_A = (_at_rest(model, x, numbers, name) for name in ("n_z", "n_y", "beta_A"))
     q = [x[name] for name in QUATERNION]
-    R, length = rotation(q), sum(one * one for one in q)
+    R, length = rotation(q), sum(component * component for component in q)
     turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in QUATERNION])
     level = 1.0 - R[2][0] * R[2][0]
     off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]

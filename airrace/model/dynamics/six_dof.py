@@ -64,8 +64,8 @@ def six_dof(
     """Return the time derivatives of the state, and the path quantities, by an aircraft's numbers in the weather."""
     R, rho = rotation(state.q), density(state.z, weather.atmosphere)
     flow = airflow(state, R, weather)
-    seen = incidence(state.alpha_K, state.beta_K, flow, windy=weather.field.present)
-    V_A, alpha_A, beta_A = flow.V_A, seen.alpha_A, seen.beta_A
+    angles = incidence(state.alpha_K, state.beta_K, flow, windy=weather.field.present)
+    V_A, alpha_A, beta_A = flow.V_A, angles.alpha_A, angles.beta_A
     per_span, per_chord = aircraft.b / (2.0 * V_A), 2.0 * V_A  # that make rates dimensionless
     motion = Sideways(beta_A, state.p_K * per_span, state.r_K * per_span, state.xi, state.zeta)
     q = state.q_K * aircraft.cbar / per_chord
@@ -78,8 +78,8 @@ def six_dof(
     pull = thrust(state.delta_T, V_A, rho, aircraft) / (aircraft.m * g0)
     x_B = rotation_to_body(state.alpha_K, state.beta_K)[0]
     n_x, n_y, down = (
-        sum(entry * one for entry, one in zip(row, force, strict=True)) + pull * along
-        for row, along in zip(seen.R_KbarA, x_B, strict=True)
+        sum(entry * component for entry, component in zip(row, force, strict=True)) + pull * along
+        for row, along in zip(angles.R_KbarA, x_B, strict=True)
     )
     n_z = -down
     q_Kbar, r_Kbar = turn_rates(state.V_K, R, n_y=n_y, n_z=n_z)

@@ -184,7 +184,7 @@ class PilotLimits:
         roll_rate: largest magnitude of the roll rate there, rad/s.
         sideslip: largest magnitude of the sideslip there, rad.
         n_y: largest magnitude of the lateral load factor there, g.
-        settled_start, settled_finish: whether the aircraft is settled there, whatever the course says of its ends.
+        settled_start, settled_finish: whether the aircraft is settled there; it overrides the course's ends.
         steady_start, steady_finish: whether start and finish are passed in a steady turn, without rolling.
         turn_tolerance: largest deviation from the load factor of that turn, g.
     """
@@ -257,7 +257,7 @@ class Course:
     Attributes:
         crowd: where people are; their distance applies all along the flight.
         airspace: corners of the convex area of the race, in order; empty where it has no bounds.
-        obstacles: what the wing keeps clear of at any time, whatever the rule for pylons.
+        obstacles: what the wing keeps clear of at any time, independent of the rule for pylons.
         start_state, finish_state: how the aircraft flies when the clock starts and when it stops.
     """
 
@@ -275,6 +275,14 @@ class Course:
     def safety_lines(self) -> tuple[SafetyLine, ...]:
         """All safety lines that hold on some leg, in the order in which they are met; each name once."""
         return tuple({line.name: line for passage in self.passages for line in passage.safety_lines}.values())
+
+    def passages_with_line(self, line: SafetyLine) -> list[int]:
+        """Return the numbers of the passages whose legs keep to a safety line."""
+        numbers: list[int] = []
+        for number, passage in enumerate(self.passages):
+            if any(safety_line.name == line.name for safety_line in passage.safety_lines):
+                numbers.append(number)
+        return numbers
 
     @property
     def settled_ends(self) -> tuple[bool, bool]:

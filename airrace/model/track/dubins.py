@@ -54,7 +54,7 @@ class DubinsPath:
         """Return the stretch between two arc lengths, m."""
         north, east, heading = (float(values[0]) for values in self.points(np.array([begin])))
         edges = np.concatenate([[0.0], np.cumsum(self.lengths)])
-        first, second, third = (float(one) for one in np.diff(np.clip(edges, begin, end)))
+        first, second, third = (float(length) for length in np.diff(np.clip(edges, begin, end)))
         return DubinsPath(north, east, heading, (first, second, third), self.curvatures)
 
     def points(self, s: Array) -> tuple[Array, Array, Array]:

@@ -1,6 +1,6 @@
 """Elements of a course: all that plan, problem, pictures and remarks ask of the thing that an aircraft passes.
 
-A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so whoever plans,
+A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so code that plans,
 optimises, draws or reviews a course needs to know no kind. Angles are in radians, clockwise from north; lengths in
 metres; positions in the track's north-east frame, heights above its origin.
 """
@@ -84,7 +84,7 @@ class GateOutput:
     Attributes:
         name: identifies it in messages.
         quantities: declarations of what is seen. Their units decide with which tolerance the certificate measures them.
-        parameters: declarations of what tells one element from another.
+        parameters: declarations of what distinguishes elements of the kind.
         values: maps the quantities of a crossing by name (`airrace.model.dynamics.observations.CrossingValues`) and the
             parameters by name, those of the crossing (`CrossingParameters`) among them, to the quantities in order.
     """
@@ -175,12 +175,12 @@ class Element(ABC):
 
     @property
     def prescribed_bank(self) -> float | None:
-        """The bank that is asked for, also where its mirror image would do; None where it is free."""
+        """The prescribed bank, also where its mirror image would do; None where it is free."""
         return None
 
     @property
     def prescribed_climb(self) -> float | None:
-        """The climb angle that is asked for; None where it is free."""
+        """The prescribed climb angle; None where it is free."""
         return None
 
     @property
@@ -198,7 +198,7 @@ class Element(ABC):
 
     @property
     def free_course(self) -> bool:
-        """Whether it may be passed on any course, so that it says nothing about where the race goes."""
+        """Whether it may be passed on any course, so that it does not determine the course."""
         return False
 
     @property
@@ -238,7 +238,7 @@ class Element(ABC):
 
     @property
     def sight(self) -> GateOutput | None:
-        """The sight that tells what it observes besides the quantities of a crossing; None for nothing."""
+        """What it observes besides the quantities of a crossing; None for nothing."""
         return None
 
     @property
@@ -277,7 +277,7 @@ class Element(ABC):
         return None
 
     def height_key(self, *, too_high: bool) -> str:
-        """Return the key of the file that says a height which is too high or too low."""
+        """Return the key of the file for a height that is too high or too low."""
         return "height_m"
 
 

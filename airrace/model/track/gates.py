@@ -105,8 +105,8 @@ class Tolerant(Standing):
 
 def offsets(most: int, crossing: float) -> Array:
     """Return courses beside an axis, rad: up to `most` steps to either side, within the largest crossing angle."""
-    found = STEP * np.arange(-most, most + 1)
-    return np.asarray(found[np.abs(found) <= crossing + 1e-9], dtype=np.float64)
+    courses = STEP * np.arange(-most, most + 1)
+    return np.asarray(courses[np.abs(courses) <= crossing + 1e-9], dtype=np.float64)
 
 
 LEVEL = 0.0
@@ -400,8 +400,8 @@ class Manoeuvre(Element):
 
     @property
     def only_a_height(self) -> bool:
-        asked = (self.bank, self.climb, self.heading)
-        return asked == (None, None, None) and not self.north.constrained and not self.east.constrained
+        angles = (self.bank, self.climb, self.heading)
+        return angles == (None, None, None) and not self.north.constrained and not self.east.constrained
 
     def course(self, direction: Direction) -> float | None:
         return self.heading
@@ -440,7 +440,7 @@ class Manoeuvre(Element):
         return bounds
 
     def frame(self, axis: float, bank: float, span: float) -> Frame:
-        """Return its own frame, whatever was planned.
+        """Return its own frame, independent of the plan.
 
         Where its course is free any frame would do, and one flight must not be described in several.
         """

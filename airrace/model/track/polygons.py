@@ -48,10 +48,10 @@ def dent(corners: Sequence[Point]) -> int | None:
 def crossing_edges(corners: Sequence[Point]) -> tuple[int, int] | None:
     """Return two edges of a polygon, by the corner they begin with, that cross or touch; None if it is simple."""
     sides = edges(corners, closed=True)
-    for one, other in itertools.combinations(range(len(sides)), 2):
-        neighbours = other - one == 1 or other - one == len(sides) - 1
-        if not neighbours and cross(*sides[one], *sides[other]):
-            return one, other
+    for first, second in itertools.combinations(range(len(sides)), 2):
+        neighbours = second - first == 1 or second - first == len(sides) - 1
+        if not neighbours and cross(*sides[first], *sides[second]):
+            return first, second
     return None
 
 

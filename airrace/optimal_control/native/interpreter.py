@@ -23,7 +23,7 @@ from airrace.optimal_control.native.library import Batches, KernelTables, Librar
 from airrace.optimal_control.trajectory import Array
 
 PLACES = 2**16
-"""The number of places that an instruction can tell apart."""
+"""The number of places that an instruction can address."""
 FUNCTIONS = 5
 """The number of functions in the tables of a step: f, and Jacobian and Hessian of f and of the projection."""
 _ARGUMENTS, _RESULTS = 4, 2  # of a function, at most
@@ -57,9 +57,9 @@ NOTHING = Bytecode(
 @cache
 def operation_numbers() -> dict[int, int]:
     """Return the interpreter's numbers of casadi's operations; the next number ends a function."""
-    found = library()
-    assert found is not None  # nobody else asks
-    return {getattr(ca, f"OP_{name}"): number for number, name in enumerate(found.operations)}
+    native = library()
+    assert native is not None
+    return {getattr(ca, f"OP_{name}"): number for number, name in enumerate(native.operations)}
 
 
 def bytecode(function: ca.Function) -> Bytecode:
@@ -77,18 +77,18 @@ def bytecode(function: ca.Function) -> Bytecode:
     ]
     *arguments, end = accumulate(sizes[0], initial=len(constants))
     *results, fixed = accumulate(sizes[1], initial=end)
-    at, known = {text: place for place, text in enumerate(constants)}, operation_numbers()
+    at, numbers = {text: place for place, text in enumerate(constants)}, operation_numbers()
     rows: list[tuple[int, int, int, int]] = []  # kind, arguments, result, see `translator.c`
-    for number, kind in enumerate(kinds):
-        given, found = function.instruction_input(number), function.instruction_output(number)
+    for n, kind in enumerate(kinds):
+        operands, outputs = function.instruction_input(n), function.instruction_output(n)
         if kind == ca.OP_OUTPUT:
-            rows.append((_STORE, given[0], 0, results[found[0]] + found[1]))
+            rows.append((_STORE, operands[0], 0, results[outputs[0]] + outputs[1]))
         elif kind == ca.OP_INPUT:
-            rows.append((_LOAD, arguments[given[0]] + given[1], 0, found[0]))
+            rows.append((_LOAD, arguments[operands[0]] + operands[1], 0, outputs[0]))
         elif kind == ca.OP_CONST:
-            rows.append((_LOAD, at[repr(float(function.instruction_constant(number)))], 0, found[0]))
-        elif kind in known:
-            rows.append((known[kind], given[0], given[-1], found[0]))
+            rows.append((_LOAD, at[repr(float(function.instruction_constant(n)))], 0, outputs[0]))
+        elif kind in numbers:
+            rows.append((numbers[kind], operands[0], operands[-1], outputs[0]))
         else:
             raise KernelError(f"{function.name()}: operation {kind} is not known to the interpreter")
     code, places = _translate(np.array(rows, dtype=np.int32).reshape(-1, 4), fixed)
@@ -96,8 +96,8 @@ def bytecode(function: ca.Function) -> Bytecode:
         raise KernelError(f"{function.name()} has too many numbers for the interpreter")
     tables = [
         [len(code), len(constants), places],
-        *([*one, *[0] * (_ARGUMENTS - len(one))] for one in (arguments, sizes[0])),
-        *([*one, *[0] * (_RESULTS - len(one))] for one in (results, sizes[1])),
+        *([*row, *[0] * (_ARGUMENTS - len(row))] for row in (arguments, sizes[0])),
+        *([*row, *[0] * (_RESULTS - len(row))] for row in (results, sizes[1])),
     ]
     return Bytecode(tables, code, list(constants.values()))
 
@@ -105,7 +105,7 @@ def bytecode(function: ca.Function) -> Bytecode:
 def _translate(rows: NDArray[np.int32], fixed: int) -> tuple[NDArray[np.uint16], int]:
     """Return the instructions of rows in casadi's order, shape (n, 3), and the number of places."""
     native, places = library(), ctypes.c_int32()
-    assert native is not None  # nobody else asks
+    assert native is not None
     code = np.empty((2 * len(rows) + 2, 3), dtype=np.uint16)
     variables = int(rows[:, 3].max(initial=0)) + 1
     counts = len(rows), variables, fixed
@@ -153,25 +153,29 @@ class BatchFunction:
     memory: int
     evaluate: Callable[[KernelTables, object, int, int], None]
 
-    def bind(self, given: Sequence[Array], found: Sequence[Array], threads: int, batches: int) -> Callable[[], None]:
+    def bind(
+        self, arguments: Sequence[Array], results: Sequence[Array], threads: int, batches: int
+    ) -> Callable[[], None]:
         """Return the evaluation of all batches, split over threads, with arguments and results in arrays that stay."""
         arrays = Batches()
-        for place, array in enumerate(given):
-            arrays.given[place] = array.ctypes.data
-        for place, array in enumerate(found):
-            arrays.found[place] = array.ctypes.data
+        for place, array in enumerate(arguments):
+            arrays.arguments[place] = array.ctypes.data
+        for place, array in enumerate(results):
+            arrays.results[place] = array.ctypes.data
         ends = [batches * number // threads for number in range(threads + 1)]
         memory = [_allocate(self.memory) for _ in range(threads)]
         kernels = [self.tables.kernel(array) for array in memory]
         of = ctypes.addressof(arrays)
-        parts = [partial(self.evaluate, one, of, *part) for one, part in zip(kernels, pairwise(ends), strict=True)]
-        owned = (given, found, arrays, memory, self.tables)
+        parts = [
+            partial(self.evaluate, kernel, of, *part) for kernel, part in zip(kernels, pairwise(ends), strict=True)
+        ]
+        owned = (arguments, results, arrays, memory, self.tables)
 
         def call(owned: object = owned) -> None:
-            others = [_pool(len(parts) - 1).submit(part) for part in parts[1:]]
+            futures = [_pool(len(parts) - 1).submit(part) for part in parts[1:]]
             parts[0]()
-            for other in others:
-                other.result()
+            for future in futures:
+                future.result()
 
         return call
 
@@ -223,11 +227,11 @@ class Interpreter:
         evaluate, kernel = self._evaluator.evaluate_points, tables.kernel(memory)
 
         def at(x: Array, owned: object = (tables, memory)) -> Array:
-            states, found = np.ascontiguousarray(x, dtype=np.float64), np.empty((values, count))
+            states, result = np.ascontiguousarray(x, dtype=np.float64), np.empty((values, count))
             if states.ndim != 2 or states.shape[1] != count:
                 raise ValueError(f"states of shape {states.shape} for {count} points")
-            evaluate(kernel, states.ctypes.data, u.ctypes.data, p.ctypes.data, found.ctypes.data, count)
-            return found
+            evaluate(kernel, states.ctypes.data, u.ctypes.data, p.ctypes.data, result.ctypes.data, count)
+            return result
 
         return at
 
@@ -235,13 +239,13 @@ class Interpreter:
 @cache
 def interpreter() -> Interpreter | None:
     """Return the interpreter; None without the native library."""
-    found = library()
-    return None if found is None else Interpreter(found)
+    native = library()
+    return None if native is None else Interpreter(native)
 
 
 @lru_cache(maxsize=32)
 def function_tables(function: ca.Function) -> Tables:
-    """Return the tables of a function that stands for itself."""
+    """Return the tables of a single function."""
     return Tables.of([], [], [bytecode(function)])
 
 

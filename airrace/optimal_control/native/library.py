@@ -34,7 +34,7 @@ class KernelTables(ctypes.Structure):
 class Batches(ctypes.Structure):
     """`struct batches` of `evaluator.h`."""
 
-    _fields_ = [("given", _POINTER * 4), ("found", _POINTER * 4)]
+    _fields_ = [("arguments", _POINTER * 4), ("results", _POINTER * 4)]
 
 
 class _Evaluator(ctypes.Structure):
@@ -88,14 +88,14 @@ class Library:
 @cache
 def library() -> Library | None:
     """Return the library; None where it is missing or switched off, or has no such variant for this processor."""
-    wanted = os.environ.get("AIRRACE_NATIVE", "")
-    if wanted == "off":
+    variant = os.environ.get("AIRRACE_NATIVE", "")
+    if variant == "off":
         return None
     path = library_path()
     if path is None:
         return None
     try:
-        return open_library(path, wanted or None)
+        return open_library(path, variant or None)
     except (OSError, KernelError) as error:
         logger.warning("casadi evaluates, slower, instead of the native library %s: %s", path, error)
         return None

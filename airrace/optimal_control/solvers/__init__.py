@@ -22,7 +22,7 @@ def start() -> "subprocess.Popen[bytes]":
 
 
 def start_early(count: int = 1) -> None:
-    """Start processes for the next calls of `acquire`; those that nobody takes end with this process."""
+    """Start processes for the next calls of `acquire`; those left over end with this process."""
     if not _idle:
         atexit.register(_discard)
     while len(_idle) < count:

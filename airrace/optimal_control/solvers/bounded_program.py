@@ -116,7 +116,7 @@ class Measures:
 
     @property
     def violation(self) -> float:
-        """The same whatever the size of the multipliers: what has to fall from iterate to iterate."""
+        """The same, independent of the size of the multipliers: what has to fall from iterate to iterate."""
         return max(self.primal, self.stationarity, self.largest_product)
 
 

@@ -2,7 +2,7 @@
 
 The step is Mehrotra's predictor and corrector [Mehrotra 1992] with Gondzio's corrections [Gondzio 1996], on a nonlinear
 program whose derivatives are taken anew at every iterate; the native library computes it with a Riccati recursion,
-whose pivots tell the inertia. Damping, a number on the diagonal [Levenberg 1944, Marquardt 1963], makes it that of a
+whose pivots give the inertia. Damping, a number on the diagonal [Levenberg 1944, Marquardt 1963], makes it that of a
 minimum and keeps steps as short as the program is trusted.
 
 The method has two modes [Nocedal, Waechter & Waltz 2009]. In free mode, as long as the conditions of optimality come

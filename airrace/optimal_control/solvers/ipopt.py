@@ -82,7 +82,7 @@ class ProgramFunctions:
         nlp: (x, p) -> f, g.
         derivatives: casadi's names to functions: `nlp_grad_f` (x, p) -> f, gradient of f; `nlp_jac_g` (x, p) -> g,
             Jacobian of g; `nlp_hess_l` (x, p, lam_f, lam_g) -> upper triangle of the Hessian of the Lagrangian;
-            `nlp_grad` (x, p, lam_f, lam_g) -> f, g, gradient of the Lagrangian in x, and in p, for which nobody asks.
+            `nlp_grad` (x, p, lam_f, lam_g) -> f, g, gradient of the Lagrangian in x, and in p (unused).
     """
 
     def __init__(self, functions: Evaluation) -> None:

@@ -85,18 +85,18 @@ class _Definition:
     content: bytes
 
 
-_known: dict[int, tuple[ca.Function, _Definition]] = {}  # by id, which the reference keeps valid
+_pickled: dict[int, tuple[ca.Function, _Definition]] = {}  # by id, which the reference keeps valid
 
 
 def _definition(function: ca.Function) -> _Definition:
     """Pickle a function, once for all solver processes."""
     with SYMBOLS:
-        if id(function) not in _known:
+        if id(function) not in _pickled:
             content = pickle.dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
-            _known[id(function)] = function, _Definition(hashlib.sha256(content).hexdigest(), content)
-            if len(_known) > 64:  # up to 0.1 MB each; a race through all stages has two dozen
-                del _known[next(iter(_known))]
-        return _known[id(function)][1]
+            _pickled[id(function)] = function, _Definition(hashlib.sha256(content).hexdigest(), content)
+            if len(_pickled) > 64:  # up to 0.1 MB each; a race through all stages has two dozen
+                del _pickled[next(iter(_pickled))]
+        return _pickled[id(function)][1]
 
 
 _SIZE = struct.Struct("<Q")
@@ -228,7 +228,7 @@ class Inbox:
         receive: reads the next message from it; its first error is the end, and arrives as well.
     """
 
-    def __init__(self, stream: IO[bytes], receive: Callable[[], Any]) -> None:  # Any: whatever arrives
+    def __init__(self, stream: IO[bytes], receive: Callable[[], Any]) -> None:  # Any: a message of any kind
         self._stream, self._receive = stream, receive
         self._messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
 

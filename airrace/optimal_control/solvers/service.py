@@ -96,7 +96,9 @@ class SolverService:
         Queued while a solve is running: the worker does not read its input then, and a full pipe would deadlock.
         """
         if self._process is not None:
-            self._sender.pack(messages.PreloadRequest(system, scheme, tuple(one.values for one in observed)))
+            self._sender.pack(
+                messages.PreloadRequest(system, scheme, tuple(observation.values for observation in observed))
+            )
             if not self._solving:
                 self._deliver()
 
@@ -181,8 +183,8 @@ class SolverService:
             process, status = self._process, None
             if process is not None:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(0.5)  # s to end by itself, so that its exit code tells why
-                process.kill()  # whatever lives without its pipes is of no use
+                    process.wait(0.5)  # s to end by itself, so that its exit code gives the reason
+                process.kill()  # without its pipes it is of no use
                 status = process.wait()
             if self._ended:
                 raise SolverEnded from error
@@ -258,8 +260,8 @@ class SolverPool:
     def __init__(self, services: Sequence[SolverService]) -> None:
         self._services = services
         self._free: queue.SimpleQueue[SolverService] = queue.SimpleQueue()
-        for one in services:
-            self._free.put(one)
+        for service in services:
+            self._free.put(service)
         self._pool = ThreadPoolExecutor(len(services), thread_name_prefix="pool")
 
     def __enter__(self) -> Self:
@@ -270,21 +272,21 @@ class SolverPool:
     ) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)  # first, or a process that is ended would be given a job
         if error is not None:  # which may leave any of them in mid-solve
-            for one in self._services:
-                one.end()
+            for service in self._services:
+                service.end()
         self._pool.shutdown()
-        for one in self._services:
-            one.stop_unless_started_here()
+        for service in self._services:
+            service.stop_unless_started_here()
 
     def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
         """Do all jobs and return their results in order; an error is that of the first job that has one."""
 
-        def one(job: Job) -> Done:
+        def run_job(job: Job) -> Done:
             service = self._free.get()
             try:
                 return do(service, job)
             finally:
                 self._free.put(service)
 
-        futures = [self._pool.submit(one, job) for job in jobs]
+        futures = [self._pool.submit(run_job, job) for job in jobs]
         return [future.result() for future in futures]

@@ -51,8 +51,8 @@ class Solution:
         seconds: that the solver took.
         derivative_seconds: how many of them were spent in the program's functions.
         replay_error: largest distance between an interval integrated again, by an independent integrator, and the next
-            node, in scaled units; NaN where nobody has asked for it.
-        second_order: what the curvature of an optimum tells; None where nobody has asked for it, or it is not finite.
+            node, in scaled units; NaN where it was not requested.
+        second_order: the curvature of an optimum; None where it was not requested, or is not finite.
     """
 
     solver: str
@@ -116,7 +116,7 @@ class Solution:
 
 
 SOLVERS: Mapping[str, type[Solver]] = {INTERIOR_POINT: InteriorPoint, IPOPT: Ipopt}
-"""The solvers by the names that settings know; where the former's steps cannot be computed the latter is asked."""
+"""The solvers by the names that settings know; where the former's steps cannot be computed the latter is used."""
 
 
 STEP_FROM_SADDLE = 0.1

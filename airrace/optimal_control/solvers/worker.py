@@ -86,7 +86,7 @@ class ProgressReader(io.TextIOBase):
 
 
 class NoticeHandler(logging.Handler):
-    """A logging handler that sends records to the other process, whose business it is to show them."""
+    """A logging handler that sends records to the client, which shows them."""
 
     def __init__(self, replies: Outbox) -> None:
         super().__init__(logging.WARNING)
@@ -123,7 +123,7 @@ class SolveServer:
             kernels.observations.kernel(values)
 
     def _make_room(self, intervals: int, most: int) -> None:
-        """Forget the problems that were not asked for longest, so that there are at most so many intervals."""
+        """Forget the least recently used problems, so that there are at most so many intervals."""
         largest = max((size for _, size in self._prepared.values()), default=0)
         while self._prepared and intervals + sum(size for _, size in self._prepared.values()) > most:
             del self._prepared[next(iter(self._prepared))]
@@ -132,15 +132,15 @@ class SolveServer:
 
     def _number(self, function: ca.Function) -> int:
         """Return the number of a function; equal ones are one object here, see `Receiver`."""
-        for number, known in enumerate(self._functions):
-            if known is function:
+        for number, registered in enumerate(self._functions):
+            if registered is function:
                 return number
         self._functions.append(function)
         return len(self._functions) - 1
 
     def _equations(self, system: System) -> Numbers:
         functions = system.rates, system.path_values, system.projection
-        return tuple(None if one is None else self._number(one) for one in functions)
+        return tuple(None if function is None else self._number(function) for function in functions)
 
     def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
         key = self._equations(system), scheme
@@ -152,8 +152,13 @@ class SolveServer:
         """Return everything that the prepared functions depend on; two problems with equal keys share them."""
         problem = request.problem
         samples = [
-            (self._number(one.observation.values), _scales(one.observation.quantities), one.offset, one.jump)
-            for one in layout.output_samples
+            (
+                self._number(sample.observation.values),
+                _scales(sample.observation.quantities),
+                sample.offset,
+                sample.jump,
+            )
+            for sample in layout.output_samples
         ]
         final = problem.objective.observation
         cost = (
@@ -161,7 +166,7 @@ class SolveServer:
             None if final is None else (self._number(final.values), _scales(final.quantities)),
         )
         system = problem.system
-        quantities = [_scales(one) for one in (system.states, system.controls, system.path)]
+        quantities = [_scales(group) for group in (system.states, system.controls, system.path)]
         parts = (self._equations(system), quantities, problem.scheme, cost, problem.time_scale)
         solving = request.solver, request.options, request.threads
         key = repr((parts, layout.first_node.tolist(), len(layout.jump_at), samples, solving))
@@ -170,19 +175,19 @@ class SolveServer:
 
 def _scales(quantities: Sequence[Quantity]) -> list[tuple[str, float, str]]:
     """Return what derivatives depend on of quantities: all but their bounds."""
-    return [(one.name, one.scale, one.rate_of) for one in quantities]
+    return [(quantity.name, quantity.scale, quantity.rate_of) for quantity in quantities]
 
 
 def main() -> None:
-    """Serve requests until there is nobody left who could ask for anything."""
+    """Serve requests until standard input is closed."""
     process.set_parent_death_signal()
     process.keep_freed_memory()
-    asked, answers = process.claim_stdio()
+    incoming, answers = process.claim_stdio()
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = progress = ProgressReader(replies)
-    receiver = Receiver(asked)
-    requests = Inbox(asked, partial(_read, receiver)).start()
+    receiver = Receiver(incoming)
+    requests = Inbox(incoming, partial(_read, receiver)).start()
     server = SolveServer()
     while True:
         if (request := receiver.unpack(requests.next())) is None:
@@ -198,7 +203,7 @@ def main() -> None:
                 replies.send(solution)
         except BrokenPipeError:
             return
-        except Exception as error:  # whatever it is, the other side must hear of it
+        except Exception as error:  # reported to the client, which raises it
             if is_lack_of_memory(error):
                 raise
             if isinstance(request, SolveRequest):  # what is only preloaded is tried again when it is to be solved
@@ -206,7 +211,7 @@ def main() -> None:
 
 
 def _read(receiver: Receiver) -> bytes:
-    """Return the next message; after the last one end this process, whatever it is at."""
+    """Return the next message; after the last one end this process, even in the middle of a solve."""
     content = receiver.read()
     if content is None:
         os._exit(0)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from airrace.files.inputs import Inputs
-from airrace.flights.logs.violations import CERTAIN_DEVIATIONS, Violation, shown
+from airrace.flights.logs.violations import CERTAIN_DEVIATIONS, Violation, select_violations
 from airrace.flights.results import Confirmation, Stamp
 from airrace.flights.sensitivity import Sensitivity
 from airrace.optimal_control.certificate import Certificate
@@ -122,7 +122,7 @@ def violations_section(violations: Sequence[Violation], penalty: float) -> str:
         f"Penalties of what is certain: {penalty_text(penalty)}.",
         f"A violation smaller than {CERTAIN_DEVIATIONS:g} standard deviations of its measurement (+-) is not certain.",
     )
-    listed, others = shown(violations)
+    listed, others = select_violations(violations)
     return table_section(violations_table(listed, "Rules", (*notes, *[f"{others}."] * bool(others))))
 
 

@@ -89,8 +89,8 @@ def test_constants_of_the_linear_loops_are_understood() -> None:
 @pytest.mark.parametrize(
     ("given", "column", "message"),
     [
-        ("damping_z: 0.7", 25, "linear.damping_z: tells nothing without omega_z_rad_s; give both or neither"),
-        ("omega_y_rad_s: 4", 25, "linear.omega_y_rad_s: tells nothing without damping_y; give both or neither"),
+        ("damping_z: 0.7", 25, "linear.damping_z: has no meaning without omega_z_rad_s; set both or neither"),
+        ("omega_y_rad_s: 4", 25, "linear.omega_y_rad_s: has no meaning without damping_y; set both or neither"),
         (
             "omega_z_rad_s: 2, damping_z: 0.5",
             54,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from airrace.flights.logs.clocks import spread_repeated, true_times, unwrap_days
-from airrace.flights.logs.recording import held, resolution, rounding
+from airrace.flights.logs.recording import repeats, resolution, rounding
 
 RANDOM = np.random.default_rng(5)
 WAY = np.cumsum(RANDOM.normal(3.0, 1.0, 2000))
@@ -28,12 +28,12 @@ def test_numbers_that_are_written_in_full_have_no_step() -> None:
 @pytest.mark.parametrize("every", [2, 3, 7])
 def test_what_repeats_a_measurement_is_held(every: int) -> None:
     fresh = np.arange(2000) % every == 0
-    assert held(WAY[None, np.arange(2000) // every * every], TIME).tolist() == (~fresh).tolist()
+    assert repeats(WAY[None, np.arange(2000) // every * every], TIME).tolist() == (~fresh).tolist()
 
 
 def test_what_is_written_coarsely_is_not_held() -> None:
-    assert not held(np.round(0.1 * WAY)[None], TIME).any()
-    assert not held(WAY[None], TIME).any()
+    assert not repeats(np.round(0.1 * WAY)[None], TIME).any()
+    assert not repeats(WAY[None], TIME).any()
 
 
 @pytest.mark.parametrize(("rows", "shift"), [((700,), -3.0), ((700,), 9e4), ((0,), 50.0), ((300, 301, 900), 4e3)])

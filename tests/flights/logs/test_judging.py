@@ -12,7 +12,15 @@ from airrace.files.inputs import load_inputs
 from airrace.files.inputs.rules import preset_names
 from airrace.flights.logs.histories import between_samples
 from airrace.flights.logs.recording import Recording
-from airrace.flights.logs.violations import ENDS_RACE, NONE_KNOWN, NOT_KNOWN, Penalties, Violation, shown, violations
+from airrace.flights.logs.violations import (
+    ENDS_RACE,
+    NONE_KNOWN,
+    NOT_KNOWN,
+    Penalties,
+    Violation,
+    select_violations,
+    violations,
+)
 from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.optimal_control.quantities import Quantity
 
@@ -167,7 +175,7 @@ def test_nine_of_ten_near_misses_are_one_sentence_and_certain_ones_come_first(ce
     sure = [Violation("a", "bank", 1.0, 20.0 + row, 10.0, 1.0, "deg", 2.0) for row in range(certain)]
     near_by = [Violation("b", "pylon", 1.0, 1.0 + 0.1 * row, 1.0, 1.0, "m", 3.0) for row in range(near_misses)]
     unknown = Violation("c", "missed", math.nan, math.nan, math.nan, math.nan, "", 4.0)
-    listed, sentence = shown([*near_by, *sure, unknown])
+    listed, sentence = select_violations([*near_by, *sure, unknown])
     assert listed[:certain] == sure
     assert len(listed) - certain == math.ceil(near_misses / 10)
     assert [one.value for one in listed[certain:]] == sorted((one.value for one in listed[certain:]), reverse=True)

@@ -21,7 +21,7 @@ from airrace.flights.safety.monte_carlo import (
     leg_stretches,
     linear_at_passings,
 )
-from airrace.flights.safety.nominal import ERRORS, displaced, errors
+from airrace.flights.safety.nominal import ERRORS, displace, errors
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, GustFilter, advance
 from airrace.model.frames import rotation
@@ -49,7 +49,7 @@ def test_errors_and_displacements_are_inverse() -> None:
     line = loop().nominal.at(clock)
     line[4:8] /= np.linalg.norm(line[4:8], axis=0)
     some = 0.1 * np.random.default_rng(1).standard_normal((len(ERRORS), 40))
-    np.testing.assert_allclose(errors(displaced(line, some), line), some, atol=1e-12)
+    np.testing.assert_allclose(errors(displace(line, some), line), some, atol=1e-12)
 
 
 def test_the_linearised_aircraft_predicts_one_sample_of_the_real_one() -> None:
@@ -63,7 +63,7 @@ def test_the_linearised_aircraft_predicts_one_sample_of_the_real_one() -> None:
     line[4:8] /= np.linalg.norm(line[4:8])
     undisturbed = advance(one.plant.rates_of(inputs_now), line, sample)
     off = inputs_now + np.concatenate([v, d])[:, None]
-    after = advance(one.plant.rates_of(off), displaced(line, e[:, None]), sample)
+    after = advance(one.plant.rates_of(off), displace(line, e[:, None]), sample)
     found = errors(after, undisturbed)[:, 0]
     flow = errors(nominal.at(np.array([(k + 1.25) * sample])), nominal.at(np.array([(k + 0.75) * sample])))[:, 0]
     found -= flow / flow[0] * found[0]

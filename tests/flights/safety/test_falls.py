@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from airrace.flights.safety.falls_and_glides import (
     AirColumn,
-    FallSettings,
     States,
     fall_in_vacuum,
     fall_with_drag,
@@ -40,7 +39,7 @@ def many() -> States:
 
 
 def drag(states: States, air: AirColumn, area: float = DRAG_AREA, step: float = 0.05) -> Array:
-    return fall_with_drag(states, air, mass=MASS, drag_area=area, settings=FallSettings(step)).place
+    return fall_with_drag(states, air, mass=MASS, drag_area=area, h=step).place
 
 
 def test_the_check_of_level_flight_gives_237_m_at_105_m_s_and_25_m() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from airrace.flights.safety.covariance import closed_loop_matrix, propagate
-from airrace.flights.safety.pilot import delayed, predictors, regulator
+from airrace.flights.safety.pilot import delayed_gains, predictors, regulator
 
 STEP, MANY = 0.1, 600
 F = np.array([[1.0, STEP], [0.0, 1.0]])
@@ -23,7 +23,7 @@ def repeated(matrix: np.ndarray) -> np.ndarray:
 def feedback(waiting: int) -> np.ndarray:
     """The gains by the code of the pilot, far from the end."""
     K = regulator(repeated(F), repeated(G), Q, R, Q)
-    return delayed(K, predictors(repeated(F), repeated(G), waiting), waiting)[0]
+    return delayed_gains(K, predictors(repeated(F), repeated(G), waiting), waiting)[0]
 
 
 def stationary(waiting: int) -> np.ndarray:
