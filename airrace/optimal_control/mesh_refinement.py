@@ -226,7 +226,10 @@ def limits_of(layout: Layout) -> Limits:
     order = np.argsort(number, kind="stable")  # rows are in the order of their nodes
     weight = stretch[rows.node] * rows.scale
     alone = {
-        f"{phase.name}, {one.name}" for phase in layout.problem.phases for one in phase.watches if one.at is not None
+        f"{phase.name}, {constraint.name}"
+        for phase in layout.problem.phases
+        for constraint in phase.path_constraints
+        if constraint.at is not None
     }
     for members in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else ():
         which, end = divmod(int(number[members[0]]), 2)

@@ -25,7 +25,7 @@ from airrace.model.dynamics.observations import (
     line_observation,
     line_values,
     settled_observation,
-    with_sight,
+    with_output,
 )
 from airrace.model.dynamics.pilot_observation import (
     LATERAL_LOAD_FACTOR,
@@ -277,8 +277,8 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
         bounds["Phi"] = Interval(lower=angle) if waypoint.rolled > 0.0 else Interval(upper=-angle)
         bounds["gain"] = Interval(lower=passage.roll.gain)
     frame = element.frame(axis=waypoint.axis, bank=waypoint.bank or 0.0, span=span)
-    values = (*crossing_parameters(frame).join(), *element.sight_values)
-    return Boundary(passage.name, bounds, with_sight(observation, element.sight), values)
+    values = (*crossing_parameters(frame).join(), *element.output_values)
+    return Boundary(passage.name, bounds, with_output(observation, element.output), values)
 
 
 def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:

@@ -274,7 +274,9 @@ class _Homotopy:
         # place and an attitude of the plan, whatever pylons stand there.
         phases: list[Phase] = [
             *self.race.phases[first:index],
-            dataclasses.replace(end, watches=tuple(one for one in end.watches if part == 1.0 and one.at is None)),
+            dataclasses.replace(
+                end, path_constraints=tuple(c for c in end.path_constraints if part == 1.0 and c.at is None)
+            ),
         ]
         begin = self.race.start if first == 0 else fixed_state(self.flight, self.pieces[first].state[:, 0])
         problem = dataclasses.replace(self.race, start=begin, phases=tuple(phases))

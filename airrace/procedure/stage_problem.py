@@ -64,7 +64,7 @@ class StageProblem:
     Attributes:
         observation: the crossing of a passage, seen from the model's states.
         trim: the condition on a settled start or finish; None where the course has none.
-        watches: what holds along each leg besides the aircraft's limits.
+        path_constraints: what holds along each leg besides the aircraft's limits.
         weights: of the squared, scaled controls, by name.
         clearance: the conditions that the wing keeps clear of pylons; None where the rules ask for none.
         pilot: the limits of the pilot; None likewise.
@@ -77,7 +77,7 @@ class StageProblem:
     course: Course
     observation: Observation
     trim: Trim | None
-    watches: tuple[tuple[PathConstraint, ...], ...]
+    path_constraints: tuple[tuple[PathConstraint, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
     clearance: ClearanceConstraints | None = None
@@ -115,7 +115,14 @@ class StageProblem:
         pilot = () if self.pilot is None else self.pilot.along
         clearances = [()] * len(ends) if self.clearance is None else self.clearance.path_constraints(self.plan)
         legs = zip(
-            *(itertools.pairwise(self.plan.waypoints), leg_seconds(self.plan), mesh, ends, self.watches, clearances),
+            *(
+                itertools.pairwise(self.plan.waypoints),
+                leg_seconds(self.plan),
+                mesh,
+                ends,
+                self.path_constraints,
+                clearances,
+            ),
             strict=True,
         )
         phases: list[Phase] = []
@@ -128,7 +135,7 @@ class StageProblem:
                     duration=Interval(shortest, DETOUR * seconds + DETOUR_SECONDS),
                     end=end,
                     bounds=COUNTING if finish.passage.roll is not None else {},
-                    watches=(*own, *pilot, *clearance),
+                    path_constraints=(*own, *pilot, *clearance),
                 )
             )
         return Problem(
@@ -177,7 +184,7 @@ def formulate(
         course=course,
         observation=crossing,
         trim=Trim.of(model, crossing) if any(course.settled_ends) else None,
-        watches=path_constraints(course, model.system.states),
+        path_constraints=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularisation_weights(model, settings.regularisation),
         clearance=clearance,
@@ -344,7 +351,7 @@ class PerturbedProblem:
             OtherStructureError: the race differs in more than numbers.
         """
         flight, course, original = self.flight, race.course, self.race.course
-        model, watches = flight.model, flight.watches
+        model, constraints = flight.model, flight.path_constraints
         if _kinds_of_conditions(course) != _kinds_of_conditions(original):
             raise OtherStructureError
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
@@ -356,7 +363,7 @@ class PerturbedProblem:
             )
             model = dataclasses.replace(built, system=system)
         if _surroundings(course) != _surroundings(original):
-            watches = path_constraints(course, model.system.states)
+            constraints = path_constraints(course, model.system.states)
         span = race.aircraft.airframe.b
         return dataclasses.replace(
             flight,
@@ -364,7 +371,7 @@ class PerturbedProblem:
             model=model,
             course=course,
             trim=flight.trim and flight.trim.of_other_numbers(model),
-            watches=watches,
+            path_constraints=constraints,
             aircraft=race.aircraft,
             clearance=flight.clearance and flight.clearance.of_other_numbers(model, course, span, flight.plan),
             pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
@@ -393,7 +400,7 @@ def _kinds_of_conditions(course: Course) -> object:
 
 
 def _surroundings(course: Course) -> tuple[object, ...]:
-    """Return all of a course that watches are made of."""
+    """Return all of a course on which path constraints depend."""
     own = tuple((passage.safety_lines, passage.roll) for passage in course.passages)
     return course.airspace, course.crowd, own
 

@@ -203,11 +203,11 @@ def _with_small_objective(problem: Problem) -> Problem:
 
 
 def _observers(problem: Problem) -> Iterator[tuple[Owner, Boundary | PathConstraint]]:
-    """Yield all boundaries and watches by what they are called as owners of limits."""
+    """Yield all boundaries and path constraints with their keys as owners of limits."""
     yield from boundaries_of(problem)
     for index, phase in enumerate(problem.phases):
-        for number, watch in enumerate(phase.watches):
-            yield ("watch", index, number), watch
+        for number, constraint in enumerate(phase.path_constraints):
+            yield ("path constraint", index, number), constraint
 
 
 def _amounts(problem: Problem) -> dict[tuple[Owner, str], float]:

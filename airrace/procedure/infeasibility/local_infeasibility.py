@@ -153,9 +153,12 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
         return dataclasses.replace(problem, phases=phases)
 
     system, last = problem.system, len(problem.phases) - 1
-    for name in dict.fromkeys(_name(watch) for one in problem.phases for watch in one.watches):
+    for name in dict.fromkeys(_name(constraint) for one in problem.phases for constraint in one.path_constraints):
         phases = (
-            dataclasses.replace(one, watches=tuple(watch for watch in one.watches if _name(watch) != name))
+            dataclasses.replace(
+                one,
+                path_constraints=tuple(constraint for constraint in one.path_constraints if _name(constraint) != name),
+            )
             for one in problem.phases
         )
         yield name, dataclasses.replace(problem, phases=tuple(phases))
@@ -188,9 +191,9 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
             )
 
 
-def _name(watch: PathConstraint) -> str:
-    """Return what a watch is called: those at single nodes all keep clear of pylons."""
-    return watch.name if watch.at is None else "the clearance from pylons in flight"
+def _name(constraint: PathConstraint) -> str:
+    """Return the name of a path constraint; those at single nodes all keep clear of pylons."""
+    return constraint.name if constraint.at is None else "the clearance from pylons in flight"
 
 
 def _without_limit(quantities: Sequence[Quantity], name: str) -> tuple[Quantity, ...]:

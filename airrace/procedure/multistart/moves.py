@@ -184,7 +184,7 @@ class MoveGenerator:
         """Yield the passage at an end of the segment crossed along another axis."""
         if not self._course.passages[index].element.stands:
             return
-        (own,) = self._decisions.ways[index]
+        (own,) = self._decisions.candidates[index]
         by_axis: list[list[Waypoint]] = []
         for way in candidates(self._course, index):
             group = next((one for one in by_axis if abs(angle_between(one[0].axis, way.axis)) < 1e-6), None)
@@ -195,7 +195,7 @@ class MoveGenerator:
         for ways in by_axis:
             if abs(angle_between(ways[0].axis, own.axis)) > 1e-6:
                 free = self._release(index)
-                chosen = dataclasses.replace(free, ways={**free.ways, index: tuple(ways)})
+                chosen = dataclasses.replace(free, candidates={**free.candidates, index: tuple(ways)})
                 yield from self._planned_move(segment, chosen, "other direction")
 
     def _other_sides(self, segment: Segment) -> Iterator[Move]:
@@ -203,7 +203,7 @@ class MoveGenerator:
         passage, index, own = self._course.passages[segment.last], segment.last, self._decisions
         if passage.roll is not None and passage.roll.turning is Turning.EITHER:
             rolls = {**own.rolls, index: -own.rolls[index]}
-            chosen = dataclasses.replace(own.without_ways(index), rolls=rolls)
+            chosen = dataclasses.replace(own.without_candidates(index), rolls=rolls)
             yield from self._planned_move(segment, chosen, "other roll")
         if passage.element.two_edged:
             edges = {**own.edges, index: -own.edges[index]}
@@ -217,7 +217,7 @@ class MoveGenerator:
 
         if not is_free(segment.last):
             return
-        (own,) = self._decisions.ways[segment.last]
+        (own,) = self._decisions.candidates[segment.last]
         ways = tuple(
             one for one in candidates(self._course, segment.last) if math.cos(one.heading - own.heading) < -0.1
         )
@@ -226,7 +226,7 @@ class MoveGenerator:
             before = itertools.takewhile(is_free, reversed(ends[: segment.number]))
             behind = itertools.takewhile(is_free, ends[segment.number + 1 :])
             free = self._release(segment.last, *before, *behind)
-            chosen = dataclasses.replace(free, ways={**free.ways, segment.last: ways})
+            chosen = dataclasses.replace(free, candidates={**free.candidates, segment.last: ways})
             yield from self._planned_move(segment, chosen, "other course")
 
     def _other_shapes(self, segment: Segment, shape: SegmentShape) -> Iterator[Move]:
@@ -250,7 +250,7 @@ class MoveGenerator:
         """Return the flight's decisions without those of some stops: their candidates, the turns to and from them."""
         turns = {one.last for one in self.segments if one.first in indices or one.last in indices}
         return dataclasses.replace(
-            self._decisions.without_ways(*indices),
+            self._decisions.without_candidates(*indices),
             turns={index: side for index, side in self._decisions.turns.items() if index not in turns},
         )
 

@@ -187,7 +187,7 @@ class _Window:
         start = whole.start
         if begin > 0:
             start = fixed_state(move.flight, base.iterate.state[:, begin])
-            phases[0] = phases[0].without_watches_at(0)
+            phases[0] = phases[0].without_path_constraints_at(0)
         whole = replace(whole, start=start)
         objective, costate = whole.objective, 0.0
         if end < nodes[-1]:
@@ -195,7 +195,7 @@ class _Window:
             costate = float(base.costates[names.index(SPEED), end - 1])
             objective = replace(objective, terminal={SPEED: costate})
             there = _continuation(names, base.iterate.state[:, end], guess)
-            phases[-1] = replace(phases[-1].without_watches_at(len(phases[-1].fractions)), end=there)
+            phases[-1] = replace(phases[-1].without_path_constraints_at(len(phases[-1].fractions)), end=there)
         problem = replace(whole, phases=tuple(phases), objective=objective)
         full = replace(whole, phases=whole.phases[first:last])
         return cls(move, full, problem, guess, begin, end, costate, seconds)
