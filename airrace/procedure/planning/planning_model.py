@@ -66,7 +66,7 @@ def rotation_vector(
     """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
     either = -1.0 if (w < 0.0) is not prefer_last else 1.0
-    if next((one for one in (w, y, -x * rolled) if abs(one) > ROUNDING), either) < 0.0:
+    if next((component for component in (w, y, -x * rolled) if abs(component) > ROUNDING), either) < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
@@ -76,9 +76,9 @@ def rotation_vector(
 def turn_by(start: Sequence[float], vector: Sequence[float], part: float) -> list[float]:
     """Return the attitude after a part of a rotation given as a vector in the rotating frame, rad."""
     vector = [part * angle for angle in vector]
-    angle = math.sqrt(sum(one * one for one in vector))
+    angle = math.sqrt(sum(component * component for component in vector))
     factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
-    return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])
+    return product(start, [math.cos(angle / 2), *(factor * component for component in vector)])
 
 
 def rotation_time(start: Sequence[float], end: Sequence[float], pace: PlanningModel) -> float:

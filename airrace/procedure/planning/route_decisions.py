@@ -59,10 +59,15 @@ def candidates(course: Course, index: int) -> list[Waypoint]:
     They turn with the course: directions that are free are spread from the heading of its first element that has one.
     """
     passage = course.passages[index]
-    headings = (one.element.axis for one in course.passages)
+    headings = (stop.element.axis for stop in course.passages)
     first = next((heading for heading in headings if heading is not None), 0.0)
     crossings = passage.element.crossings(passage.direction, first, rolling=passage.roll is not None)
-    return [Waypoint(passage, one.position, one.heading, one.climb, one.bank, one.axis, one.free) for one in crossings]
+    return [
+        Waypoint(
+            passage, crossing.position, crossing.heading, crossing.climb, crossing.bank, crossing.axis, crossing.free
+        )
+        for crossing in crossings
+    ]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,9 +111,9 @@ class RouteDecisions:
         changes: dict[str, Mapping[int, Any]] = {}  # Any: whatever is decided
         for name in ("candidates", "turns", "rolls", "edges", "lengths"):
             own: Mapping[int, Any] = getattr(self, name)
-            others: Mapping[int, Any] = getattr(other, name)
-            kept = {index: decision for index, decision in own.items() if index not in stops}
-            changes[name] = {**kept, **{index: others[index] for index in others if index in stops}}
+            replacement: Mapping[int, Any] = getattr(other, name)
+            remaining = {index: decision for index, decision in own.items() if index not in stops}
+            changes[name] = {**remaining, **{index: replacement[index] for index in replacement if index in stops}}
         return dataclasses.replace(self, **changes)
 
     def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "RouteDecisions":
