@@ -1,8 +1,8 @@
 """The reading of stored stages: all that can be asked of a finished stage without solving, measuring or compiling.
 
 Histories at any time and between the nodes, and the quantities that follow from states and controls: angles,
-coefficients, load factors, forces. Whatever shows, compares or writes runs imports this module and not `run.py`, so
-that it never loads a solver.
+coefficients, load factors, forces. Whatever shows, compares or writes runs imports this module and not `procedure.py`,
+so that it never loads a solver.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

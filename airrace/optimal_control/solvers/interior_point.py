@@ -11,6 +11,9 @@ either the slacks have become too small for the infeasibility that is left, and 
 search with a filter [Waechter & Biegler 2006] takes steps to the minimum of the barrier function, the barrier parameter
 held until its problem is solved, until the conditions are closer. Where no step passes the filter, slacks and
 multipliers are reset for a large barrier parameter, twice at most.
+
+So the barrier parameter is lowered in two places: in free mode by the predictor, in `interior_point.c` of the native
+library, and in a search by `FilterSearch`.
 """
 
 import sys
