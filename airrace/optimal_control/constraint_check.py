@@ -96,20 +96,22 @@ def _excesses(problem: Problem, replay: Replay, tolerance_of: Mapping[str, Toler
             lower[within], upper[within] = bounds.lower, bounds.upper
         excesses.append((quantity.name, quantity.unit, outside(history, lower, upper).max(axis=1)))
     for phase, within in zip(problem.phases, phases, strict=True):
-        for watch in phase.watches:  # by their exact measure
-            if watch.at is not None:
+        for constraint in phase.path_constraints:  # by their exact measure
+            if constraint.at is not None:
                 continue  # it is asked for at a node, where the conditions of optimality are measured
             states = replay.state[:, within]
-            measure = (watch.exact or watch.observation).values
-            outputs = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))
-            for quantity, values in zip(watch.observation.quantities, outputs, strict=True):
-                bounds = watch.bounds.get(quantity.name, Interval())
+            measure = (constraint.exact or constraint.observation).values
+            outputs = at_points(
+                measure, states.reshape(len(states), -1), np.asarray(constraint.values, dtype=np.float64)
+            )
+            for quantity, values in zip(constraint.observation.quantities, outputs, strict=True):
+                bounds = constraint.bounds.get(quantity.name, Interval())
                 if bounds.constrained:
                     _require_tolerance(quantity, bounds, tolerance_of)
                     largest = np.zeros(problem.intervals)
                     samples = values.reshape(states.shape[1:])
                     largest[within] = outside(samples, bounds.lower, bounds.upper).max(axis=1)
-                    excesses.append((watch.name, quantity.unit, largest))
+                    excesses.append((constraint.name, quantity.unit, largest))
     return excesses
 
 

@@ -35,7 +35,7 @@ _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type o
 Place = TypeVar("Place", Boundary, PathConstraint)
 
 Owner = tuple[str, int, int]
-"""The owner of a range: ("path", 0, 0), ("boundary", its number, 0) or ("watch", its phase, its number there)."""
+"""The owner of a range: ("path", 0, 0), ("boundary", index, 0) or ("path constraint", phase, index in it)."""
 PATH: Owner = ("path", 0, 0)
 """The owner of the ranges along the whole flight."""
 
@@ -58,7 +58,7 @@ class Moves:
     Attributes:
         parameters: of the system's parameters, shape (n_p,).
         ranges: of the ranges by name, by their owner; only those that differ.
-        values: of the parameters of boundaries and watches, by their owner; only those that differ.
+        values: of the parameters of boundaries and path constraints, by their owner; only those that differ.
     """
 
     parameters: Array
@@ -101,8 +101,8 @@ def _ranges(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], t
     for owner, boundary in boundaries_of(problem):
         yield owner, boundary.bounds, boundary.values
     for index, phase in enumerate(problem.phases):
-        for number, watch in enumerate(phase.watches):
-            yield ("watch", index, number), watch.bounds, watch.values
+        for number, constraint in enumerate(phase.path_constraints):
+            yield ("path constraint", index, number), constraint.bounds, constraint.values
 
 
 def boundaries_of(problem: Problem) -> list[tuple[Owner, Boundary]]:
@@ -131,8 +131,15 @@ def elastic(nominal: Problem, relaxed_problem: Problem, *, weight: float, furthe
     start, *ends = (_elastic(boundary, moves, owner, system) for owner, boundary in boundaries_of(nominal))
     phases: list[Phase] = []
     for index, (phase, end) in enumerate(zip(nominal.phases, ends, strict=True)):
-        watches = [_elastic(watch, moves, ("watch", index, n), system) for n, watch in enumerate(phase.watches)]
-        phases.append(replace(phase, end=end, watches=tuple(replace(watch, exact=None) for watch in watches)))
+        constraints = [
+            _elastic(constraint, moves, ("path constraint", index, number), system)
+            for number, constraint in enumerate(phase.path_constraints)
+        ]
+        phases.append(
+            replace(
+                phase, end=end, path_constraints=tuple(replace(constraint, exact=None) for constraint in constraints)
+            )
+        )
     upper, lower = [shift.upper for shift in shifts], [shift.lower for shift in shifts]
     return replace(
         nominal,
@@ -236,7 +243,7 @@ def _elastic_functions(
 
 
 def _elastic(place: Place, moves: Moves, owner: Owner, system: System) -> Place:
-    """Return a boundary or a watch whose ranges and parameters give way."""
+    """Return a boundary or a path constraint whose ranges and parameters give way."""
     shifts, change = moves.ranges.get(owner, {}), moves.values.get(owner)
     sides: list[tuple[str, str]] = []  # what gives way, and at which end
     amounts: list[float] = []

@@ -122,9 +122,9 @@ class OutputSample:
 
     Attributes:
         node: where.
-        name: of the boundary, or of phase and watch, for people.
+        name: of the boundary, or of phase and path constraint, for messages.
         bounds: ranges by name of the observation's quantities.
-        offset: place of the observation's parameters among those of all output samples; a watch shares them.
+        offset: place of the observation's parameters among those of all output samples; a path constraint shares them.
         jump: number, among the jumps of the problem, of that which follows at this node and is not seen yet; None
             where there is none, and where the phase after it is looked at.
     """
@@ -140,10 +140,10 @@ class OutputSample:
 def output_samples_of(
     problem: Problem, jump_at: Mapping[int, int]
 ) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
-    """Return all output samples, and the parameters that they share: at the boundaries in order, then watch by watch.
+    """Return all output samples, boundaries before path constraints, and the parameters that they share.
 
     Args:
-        problem: whose boundaries and watches observe.
+        problem: whose boundaries and path constraints observe.
         jump_at: number of the jump at each node that has one.
     """
     samples: list[OutputSample] = []
@@ -156,19 +156,19 @@ def output_samples_of(
             offset += len(boundary.values)
     for index, phase in enumerate(problem.phases):
         start, end = problem.first_node[index], problem.first_node[index + 1]
-        before = problem.phases[index - 1].watches if index and start not in jump_at else ()
-        for watch in phase.watches:
-            # Where a watch goes on from the phase before, the node between the two has its rows already.
-            continues = any(watch.same_conditions(earlier) for earlier in before)
-            name = f"{phase.name}, {watch.name}"
+        before = problem.phases[index - 1].path_constraints if index and start not in jump_at else ()
+        for constraint in phase.path_constraints:
+            # Where a path constraint goes on from the phase before, the node between the two has its rows already.
+            continues = any(constraint.same_conditions(previous) for previous in before)
+            name = f"{phase.name}, {constraint.name}"
             nodes = range(start + continues, end + 1)
-            if watch.at is not None:
-                nodes = (start + phase.nearest_node(watch.at),)
+            if constraint.at is not None:
+                nodes = (start + phase.nearest_node(constraint.at),)
             for node in nodes:
                 jump = jump_at.get(node) if node == end else None
-                samples.append(OutputSample(node, name, watch.observation, watch.bounds, offset, jump))
-            values.append(watch.values)
-            offset += len(watch.values)
+                samples.append(OutputSample(node, name, constraint.observation, constraint.bounds, offset, jump))
+            values.append(constraint.values)
+            offset += len(constraint.values)
     return samples, values
 
 
@@ -192,7 +192,7 @@ class Layout:
         interval_index: the places of (x, u, T) of each interval, shape (N, n_x + n_u + 1).
         scale: the scale of every unknown, shape (n_w,).
         jump_at: the number of the jump at each node that has one.
-        output_samples: the observations: at the boundaries in order, then watch by watch and node by node.
+        output_samples: the observations: at the boundaries in order, then by path constraint and node.
 
     Raises:
         ValueError: the problem does not say what it seems to say, see `require_valid`.
@@ -237,12 +237,12 @@ class Layout:
     def rows(self) -> ConstraintRows:
         """The constraints besides the gaps: at every node those of the path, then those of what is observed there."""
         blocks = self._path_blocks()
-        # What limits a watch is the same at all its nodes, whose samples follow one another.
+        # A path constraint has the same limits at all its nodes, whose samples follow one another.
         first = 0
-        for _, watch in itertools.groupby(
+        for _, group in itertools.groupby(
             self.output_samples, lambda sample: (id(sample.observation), id(sample.bounds))
         ):
-            samples = list(watch)
+            samples = list(group)
             nodes, numbers = np.array([sample.node for sample in samples]), first + np.arange(len(samples))
             limits = limits_on(samples[0].observation.quantities, samples[0].bounds)
             blocks.append(RowBlock(nodes, numbers, limits))

@@ -232,7 +232,9 @@ def limits_of(layout: Layout) -> Limits:
     weight = stretch[rows.node] * rows.scale
     single_node_names: set[str] = set()
     for phase in layout.problem.phases:
-        single_node_names.update(f"{phase.name}, {watch.name}" for watch in phase.watches if watch.at is not None)
+        for constraint in phase.path_constraints:
+            if constraint.at is not None:
+                single_node_names.add(f"{phase.name}, {constraint.name}")
     for members in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else ():
         which, end = divmod(int(number[members[0]]), 2)
         sampled = sources[which // len(names)]

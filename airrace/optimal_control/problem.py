@@ -69,13 +69,13 @@ class PathConstraint:
     exact: Observation | None = None
     at: float | None = None
 
-    def same_conditions(self, watch: "PathConstraint") -> bool:
-        """Return whether another watch along its whole phase asks for the same."""
-        if self.observation is not watch.observation or self.exact is not watch.exact:
+    def same_conditions(self, constraint: "PathConstraint") -> bool:
+        """Return whether another one along its whole phase is the same."""
+        if self.observation is not constraint.observation or self.exact is not constraint.exact:
             return False
-        if self.at is not None or watch.at is not None:
+        if self.at is not None or constraint.at is not None:
             return False
-        return self.values == watch.values and dict(self.bounds) == dict(watch.bounds)
+        return self.values == constraint.values and dict(self.bounds) == dict(constraint.bounds)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Phase:
         duration: allowed duration, s; the lower end must not be negative.
         end: conditions at the end of the phase.
         bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
-        watches: what else holds along it.
+        path_constraints: what else holds along it.
         jump: what is added to states, by name and in their units, between the end of this phase and the start of
             the next: `{"m": -6840.0}` for a stage of 6840 kg that is dropped. Conditions at the end of this phase are
             asked of the states before it, those of the next phase of the states after it; path quantities are asked at
@@ -100,7 +100,7 @@ class Phase:
     duration: Interval
     end: Boundary = field(default_factory=Boundary)
     bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
-    watches: tuple[PathConstraint, ...] = ()
+    path_constraints: tuple[PathConstraint, ...] = ()
     jump: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def nearest_node(self, share: float) -> int:
@@ -108,21 +108,26 @@ class Phase:
         apart = np.abs(np.concatenate([[0.0], np.cumsum(self.fractions)]) - share)
         return int(np.argmax(apart <= apart.min() + WHOLE))
 
-    def without_watches_at(self, node: int) -> Self:
-        """Return the phase without the watches at one node alone, where the state is known already."""
-        watches = (watch for watch in self.watches if watch.at is None or self.nearest_node(watch.at) != node)
-        return replace(self, watches=tuple(watches))
+    def without_path_constraints_at(self, node: int) -> Self:
+        """Return the phase without what is asked for at one node of it alone: where its state is known."""
+        remaining = [c for c in self.path_constraints if c.at is None or self.nearest_node(c.at) != node]
+        return replace(self, path_constraints=tuple(remaining))
 
     def part(self, intervals: slice) -> Self:
         """Return some successive intervals as a phase of their own, with what is asked for at one node of them."""
         fractions = np.array(self.fractions)
-        before, length = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
-        watches: list[PathConstraint] = []
-        for watch in self.watches:
-            at = watch.at if watch.at is None else (watch.at - before) / length
-            if at is None or -WHOLE <= at <= 1.0 + WHOLE:
-                watches.append(watch if at is None else replace(watch, at=min(max(at, 0.0), 1.0)))
-        return replace(self, fractions=tuple((fractions[intervals] / length).tolist()), watches=tuple(watches))
+        before, whole = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
+        constraints: list[PathConstraint] = []
+        for constraint in self.path_constraints:
+            if constraint.at is None:
+                constraints.append(constraint)
+                continue
+            at = (constraint.at - before) / whole
+            if -WHOLE <= at <= 1.0 + WHOLE:
+                constraints.append(replace(constraint, at=min(max(at, 0.0), 1.0)))
+        return replace(
+            self, fractions=tuple((fractions[intervals] / whole).tolist()), path_constraints=tuple(constraints)
+        )
 
 
 @dataclass(frozen=True)
@@ -223,13 +228,11 @@ class Problem:
     @property
     def observations(self) -> list[Observation]:
         """All observations, each once."""
-        watches = [watch for phase in self.phases for watch in phase.watches]
-        observations = [
-            observer.observation
-            for observer in (*self.boundaries, *watches, self.objective)
-            if observer.observation is not None
+        constraints = [constraint for phase in self.phases for constraint in phase.path_constraints]
+        seen = [
+            one.observation for one in (*self.boundaries, *constraints, self.objective) if one.observation is not None
         ]
-        return list({id(observation): observation for observation in observations}.values())
+        return list({id(one): one for one in seen}.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,10 +340,12 @@ def _check_phase(system: System, phase: Phase) -> None:
     for name, change in phase.jump.items():
         if not math.isfinite(change):
             raise ValueError(f"the jump at the end of phase {phase.name!r} changes {name} by {change}")
-    for watch in phase.watches:
-        _check_conditions("watch", watch, ())
-        if watch.at is not None and not 0.0 <= watch.at <= 1.0:
-            raise ValueError(f"watch {watch.name!r} is asked for at {watch.at} of the duration of a phase")
+    for constraint in phase.path_constraints:
+        _check_conditions("path constraint", constraint, ())
+        if constraint.at is not None and not 0.0 <= constraint.at <= 1.0:
+            raise ValueError(
+                f"path constraint {constraint.name!r} is placed at {constraint.at} of the duration of a phase"
+            )
     _check_conditions("boundary", phase.end, system.states)
 
 

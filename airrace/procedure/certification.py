@@ -189,7 +189,7 @@ def _race_time_change(iterate: Iterate, coarser: float | None, limits: Certifica
 
 def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:
     """Return the item of the farthest miss of a gate by a leg that is integrated in one go: the largest length, m."""
-    lengths = [row for row, one in enumerate(problem.system.states) if one.unit == "m"]
+    lengths = [row for row, state in enumerate(problem.system.states) if state.unit == "m"]
     missed = np.abs(replay_phases(problem, iterate)[lengths])
     row, phase = np.unravel_index(int(missed.argmax()), missed.shape)
     where = f"{problem.phases[int(phase)].name}, {problem.system.states[lengths[int(row)]].name}"
@@ -252,7 +252,7 @@ def replayed_wing(flight: StageProblem, problem: Problem, iterate: Iterate, repl
     inside: Array = (ends - steps)[:, None] + steps[:, None] * np.linspace(0.0, 1.0, parts, endpoint=False)
     time: Array = np.append(inside.ravel(), ends[-1])
     rows = np.concatenate([replay.state[:, :, :-1].reshape(len(replay.state), -1), replay.state[:, -1:, -1]], axis=1)
-    x = dict(zip((one.name for one in problem.system.states), rows, strict=True))
+    x = dict(zip((state.name for state in problem.system.states), rows, strict=True))
     wing = Wing(time, *wing_position(x, 0.5 * flight.aircraft.airframe.b))
     return wing, [parts * node for node in problem.first_node]
 
@@ -264,21 +264,25 @@ def approaches(flight: StageProblem, problem: Problem, iterate: Iterate, replay:
 
 
 def clearance_item(
-    flight: StageProblem, problem: Problem, found: Sequence[ClosestApproach], limits: CertificateLimits
+    flight: StageProblem, problem: Problem, wing_approaches: Sequence[ClosestApproach], limits: CertificateLimits
 ) -> Item:
     """Return the item on the length by which the wing misses its clearance from a pylon at any time, at worst.
 
     By the rule `crossing` it is only measured where no obstacle is too near: then nothing is too much.
 
     Args:
-        found: all approaches, see `approaches`.
+        wing_approaches: see `approaches`.
     """
     always = flight.course.rules.clearance is ClearanceRule.FLIGHT
-    missed = [one for one in found if one.shortfall > 0.0]
-    binding = [one for one in missed if always or (one.pylon.is_obstacle and one.shortfall > limits.gate_length)]
+    violated = [approach for approach in wing_approaches if approach.shortfall > 0.0]
+    binding = [
+        approach
+        for approach in violated
+        if always or (approach.pylon.is_obstacle and approach.shortfall > limits.gate_length)
+    ]
     limit = limits.gate_length if always or binding else math.inf
-    if not missed:
+    if not violated:
         return Item(CLEARANCE, 0.0, limit, "m", "")
-    worst = max(binding or missed, key=lambda one: one.shortfall)
+    worst = max(binding or violated, key=lambda approach: approach.shortfall)
     where = f"{problem.phases[worst.leg].name}, {worst.pylon.text}, {worst.time:.2f} s"
     return Item(CLEARANCE, worst.shortfall, limit, "m", where)

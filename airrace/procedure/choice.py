@@ -10,7 +10,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import StageProblem
 
 SAME_FLIGHT = 2e-4
-"""The difference of race times below which two optima from different starts are one, s."""
+"""The difference of race times below which two optima from different starts are the same flight, s."""
 
 
 NEAR_TIE = 4.0
@@ -25,12 +25,12 @@ def mesh_resolution(settings: Settings, race_time: float) -> float:
 
 def fastest_of(results: Sequence[StageResult]) -> StageResult:
     """Return the fastest of the results that hold; the first if none does."""
-    return min(results, key=lambda one: one.trajectory.race_time if one.holds else math.inf)
+    return min(results, key=lambda result: result.trajectory.race_time if result.holds else math.inf)
 
 
 def place_of(result: StageResult, results: Sequence[StageResult]) -> int:
     """Return the number of the result with the trajectory of another one."""
-    return next(number for number, one in enumerate(results) if one.trajectory is result.trajectory)
+    return next(number for number, candidate in enumerate(results) if candidate.trajectory is result.trajectory)
 
 
 def simplest_of(flight: StageProblem, results: Sequence[StageResult]) -> StageResult:
@@ -44,19 +44,19 @@ def simplest_of(flight: StageProblem, results: Sequence[StageResult]) -> StageRe
     """
     fastest = fastest_of(results)
     longest = fastest.trajectory.race_time + HARDLY_SLOWER
-    close = [one for one in results if one.holds and one.trajectory.race_time < longest]
-    close = [one for one in close if one.certified or not fastest.certified]
+    close = [result for result in results if result.holds and result.trajectory.race_time < longest]
+    close = [result for result in close if result.certified or not fastest.certified]
     if len(close) < 2:
         return fastest
-    return min(close, key=lambda one: (complexity_of(flight, one.trajectory).rank, one.trajectory.race_time))
+    return min(close, key=lambda result: (complexity_of(flight, result.trajectory).rank, result.trajectory.race_time))
 
 
 def with_note_on_faster(flight: StageProblem, chosen: StageResult, results: Sequence[StageResult]) -> StageResult:
-    """Return a result that was chosen with a note on what the fastest would have saved, if it is another one."""
+    """Return the chosen result, with a note on the time that the fastest would save if it is another one."""
     fastest = fastest_of(results)
     saved = chosen.trajectory.race_time - fastest.trajectory.race_time
     if not (chosen.holds and fastest.holds and saved > SAME_FLIGHT):
         return chosen
-    harder, simpler = (complexity_of(flight, one.trajectory).describe() for one in (fastest, chosen))
+    harder, simpler = (complexity_of(flight, result.trajectory).describe() for result in (fastest, chosen))
     text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
     return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))

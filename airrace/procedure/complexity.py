@@ -53,15 +53,15 @@ def complexity_of(flight: StageProblem, trajectory: Trajectory) -> FlightComplex
         flight: the problem of the stage that found it.
         trajectory: on its mesh.
     """
-    rows = {one.name: row for one, row in zip(trajectory.states, trajectory.state, strict=True)}
+    rows = {state.name: row for state, row in zip(trajectory.states, trajectory.state, strict=True)}
     r, q = (np.stack([rows[name] for name in names]) for names in (POSITION, QUATERNION))
     turns = (track_turn(r[:, first : last + 1]).lateral for first, last in itertools.pairwise(trajectory.first_node))
     return FlightComplexity(
         circles=sum(int(abs(turn) // CIRCLE) for turn in turns),
         pushes=len(pushes(trajectory.time, load_factors_along(flight, trajectory).n_z)),
-        inverted_rolls=sum(one.inverted for one in reversals(q)),
+        inverted_rolls=sum(reversal.inverted for reversal in reversals(q)),
     )
 
 
-def _counted(number: int, one: str, several: str) -> str:
-    return f"{number or 'no'} {one if number < 2 else several}"
+def _counted(number: int, singular: str, plural: str) -> str:
+    return f"{number or 'no'} {singular if number < 2 else plural}"

@@ -115,8 +115,8 @@ class Fidelity:
 _point_mass = Fidelity(Stage.POINT_MASS, build_point_mass)
 
 _fidelities: dict[Stage, Fidelity] = {
-    one.stage: one
-    for one in (
+    fidelity.stage: fidelity
+    for fidelity in (
         dataclasses.replace(_point_mass, stage=Stage.HOMOTOPY, guess=True),
         _point_mass,
         Fidelity(
@@ -208,8 +208,8 @@ def ensure_matches_model(race: Race, result: StageResult) -> None:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     system, legs = stage_model(result.stage, race).system, len(race.course.passages) - 1
-    for one in (result, *result.alternatives):
-        trajectory, name = one.trajectory, one.stage.value
+    for stage_result in (result, *result.alternatives):
+        trajectory, name = stage_result.trajectory, stage_result.stage.value
         _ensure_same(name, "state", trajectory.states, system.states)
         _ensure_same(name, "control", trajectory.controls, system.controls)
         if len(trajectory.phases) != legs:
@@ -217,15 +217,17 @@ def ensure_matches_model(race: Race, result: StageResult) -> None:
 
 
 def _ensure_same(stage: str, kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> None:
-    names, wanted = [one.name for one in stored], [one.name for one in declared]
-    missing = [name for name in wanted if name not in names]
-    unknown = [name for name in names if name not in wanted]
+    names, expected = [quantity.name for quantity in stored], [quantity.name for quantity in declared]
+    missing = [name for name in expected if name not in names]
+    unknown = [name for name in names if name not in expected]
     if missing:
         raise CheckpointError(f"{stage}: the {kind} {missing[0]} is missing")
     if unknown:
         raise CheckpointError(f"{stage}: its model has no {kind} {unknown[0]}")
-    if names != wanted:
+    if names != expected:
         raise CheckpointError(f"{stage}: its {kind}s are {', '.join(names)}, in another order than its model's")
-    for mine, other in zip(stored, declared, strict=True):
-        if (mine.unit, mine.rate_of) != (other.unit, other.rate_of):
-            raise CheckpointError(f"{stage}: the {kind} {mine.name} is declared as another quantity than its model's")
+    for quantity, declaration in zip(stored, declared, strict=True):
+        if (quantity.unit, quantity.rate_of) != (declaration.unit, declaration.rate_of):
+            raise CheckpointError(
+                f"{stage}: the {kind} {quantity.name} is declared as another quantity than its model's"
+            )

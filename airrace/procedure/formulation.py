@@ -25,7 +25,7 @@ from airrace.model.dynamics.observations import (
     line_observation,
     line_values,
     settled_observation,
-    with_sight,
+    with_output,
 )
 from airrace.model.dynamics.pilot_observation import (
     LATERAL_LOAD_FACTOR,
@@ -65,8 +65,8 @@ class PilotConditions:
 
     Attributes:
         limits: the limits.
-        crossing: what is observed at passages.
-        low: what holds all along; None where no least load factor is asked for near the ground.
+        crossing: the observation at passages.
+        low: the constraint along every leg; None without a least load factor near the ground.
         values: the numbers of aircraft and air.
     """
 
@@ -77,14 +77,14 @@ class PilotConditions:
 
     @classmethod
     def of(cls, model: FlightModel, rules: Rules) -> Self | None:
-        """Return the conditions of a model under rules; None where they ask for nothing."""
+        """Return the conditions of a model under rules; None if the rules set no limits of the pilot."""
         limits = rules.pilot
         if limits == PilotLimits():
             return None
         values = tuple(float(value) for value in model.parameter_values)
         low = None
         if math.isfinite(limits.n_z_low):
-            smooth, exact = (low_flight_observation(model, exact=one) for one in (False, True))
+            smooth, exact = (low_flight_observation(model, exact=is_exact) for is_exact in (False, True))
             low = _near_ground(limits, smooth, exact, values)
         return cls(limits, crossing_observation_of_pilot(model), low, values)
 
@@ -99,11 +99,11 @@ class PilotConditions:
 
     @property
     def along(self) -> tuple[PathConstraint, ...]:
-        """What holds along every leg."""
+        """The constraints along every leg."""
         return () if self.low is None else (self.low,)
 
     def at(self, boundary: Boundary, waypoint: Waypoint, *, start: bool = False, finish: bool = False) -> Boundary:
-        """Return the boundary of a passage with what the pilot keeps to there."""
+        """Return the boundary of a passage with the pilot's limits there."""
         limits, element = self.limits, waypoint.passage.element
         bounds: dict[str, Interval] = {}
         if element.stands or start or finish:
@@ -123,19 +123,19 @@ class PilotConditions:
             bounds[ROLL_RATE.name] = ZERO
             if math.cos(element.prescribed_bank or 0.0) > LEAST_COSINE:
                 bounds |= {TURN_EXCESS.name: NOT_POSITIVE, TURN_LACK.name: NOT_POSITIVE}
-        seen = boundary.observation
-        if not bounds or seen is None:
+        observation = boundary.observation
+        if not bounds or observation is None:
             return boundary
         return dataclasses.replace(
             boundary,
             bounds={**boundary.bounds, **bounds},
-            observation=side_by_side(seen, self.crossing),
+            observation=side_by_side(observation, self.crossing),
             values=(*boundary.values, limits.turn_tolerance, *self.values),
         )
 
 
 def without_pilot(boundary: Boundary) -> Boundary:
-    """Return the boundary of a passage without what `PilotConditions` has added to it."""
+    """Return the boundary of a passage without the limits of `PilotConditions`."""
     return dataclasses.replace(
         boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in PILOT_NAMES}
     )
@@ -150,7 +150,7 @@ def _near_ground(
 
 @dataclasses.dataclass(frozen=True)
 class StartAirspeed:
-    """What the boundary of a start observes in the place of its speed over ground.
+    """The airspeed at the boundary of a start, which replaces its speed over ground.
 
     Attributes:
         airspeed: see `airrace.model.dynamics.observations`.
@@ -175,14 +175,14 @@ class StartAirspeed:
 
     def at(self, boundary: Boundary, speed: Interval) -> Boundary:
         """Return the boundary of a start that is passed at a speed within a range (m/s)."""
-        seen = boundary.observation
-        if not speed.constrained or seen is None:
+        observation = boundary.observation
+        if not speed.constrained or observation is None:
             return boundary
         bounds = {name: at for name, at in boundary.bounds.items() if name != "V_K"}
         return dataclasses.replace(
             boundary,
             bounds={**bounds, AIRSPEED.name: speed},
-            observation=side_by_side(seen, self.airspeed),
+            observation=side_by_side(observation, self.airspeed),
             values=(*boundary.values, *self.values),
         )
 
@@ -199,8 +199,8 @@ class Trim:
     """The condition that the inner loop is settled at an end of the race, see `airrace.model.dynamics.observations`.
 
     Attributes:
-        crossing: what the boundaries of passages observe.
-        settled: what is zero in a settled flight.
+        crossing: the observation at the boundaries of passages.
+        settled: the observation whose quantities are zero in trimmed flight.
         values: its parameters, the numbers of aircraft and air.
     """
 
@@ -221,20 +221,20 @@ class Trim:
 
     def at(self, boundary: Boundary) -> Boundary:
         """Return the boundary of a passage that is to be met in settled flight."""
-        seen = boundary.observation
-        assert seen is not None  # it is the boundary of a passage
+        observation = boundary.observation
+        assert observation is not None  # it is the boundary of a passage
         return dataclasses.replace(
             boundary,
-            bounds={**boundary.bounds, **{one.name: ZERO for one in self.settled.quantities}},
-            observation=side_by_side(seen, self.settled),
+            bounds={**boundary.bounds, **{quantity.name: ZERO for quantity in self.settled.quantities}},
+            observation=side_by_side(observation, self.settled),
             values=(*boundary.values, *self.values),
         )
 
 
 def without_trim(boundary: Boundary) -> Boundary:
-    """Return the boundary of a passage without what `Trim` has added to it."""
-    seen = () if boundary.observation is None else boundary.observation.quantities
-    added = {one.name for one in seen if one.rate_of or one == SIDE_ACCELERATION}
+    """Return the boundary of a passage without the conditions of `Trim`."""
+    quantities = () if boundary.observation is None else boundary.observation.quantities
+    added = {quantity.name for quantity in quantities if quantity.rate_of or quantity == SIDE_ACCELERATION}
     return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in added})
 
 
@@ -248,22 +248,22 @@ def boundaries(
     start_airspeed: StartAirspeed | None = None,
 ) -> list[Boundary]:
     """Return the conditions of all passages, in which counting begins anew where a roll does."""
-    found = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
+    conditions = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
     if start_airspeed is not None:
-        found[0] = start_airspeed.at(found[0], plan.waypoints[0].passage.speed)
+        conditions[0] = start_airspeed.at(conditions[0], plan.waypoints[0].passage.speed)
     if pilot is not None:
-        last = len(found) - 1
-        found = [
-            pilot.at(one, waypoint, start=index == 0, finish=index == last)
-            for index, (one, waypoint) in enumerate(zip(found, plan.waypoints, strict=True))
+        last = len(conditions) - 1
+        conditions = [
+            pilot.at(passage, waypoint, start=index == 0, finish=index == last)
+            for index, (passage, waypoint) in enumerate(zip(conditions, plan.waypoints, strict=True))
         ]
     for index, following in enumerate(plan.waypoints[1:]):
         if following.passage.roll is not None:
-            found[index] = dataclasses.replace(found[index], bounds={**found[index].bounds, **FROM_ZERO})
+            conditions[index] = dataclasses.replace(conditions[index], bounds={**conditions[index].bounds, **FROM_ZERO})
     for index, settled in zip((0, -1), course.settled_ends, strict=True):
         if trim is not None and settled:
-            found[index] = trim.at(found[index])
-    return found
+            conditions[index] = trim.at(conditions[index])
+    return conditions
 
 
 def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Boundary:
@@ -277,8 +277,8 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
         bounds["Phi"] = Interval(lower=angle) if waypoint.rolled > 0.0 else Interval(upper=-angle)
         bounds["gain"] = Interval(lower=passage.roll.gain)
     frame = element.frame(axis=waypoint.axis, bank=waypoint.bank or 0.0, span=span)
-    values = (*crossing_parameters(frame).join(), *element.sight_values)
-    return Boundary(passage.name, bounds, with_sight(observation, element.sight), values)
+    values = (*crossing_parameters(frame).join(), *element.output_values)
+    return Boundary(passage.name, bounds, with_output(observation, element.output), values)
 
 
 def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:
@@ -321,9 +321,9 @@ def crossing_parameters(frame: Frame) -> CrossingParameters[float]:
 
 
 def path_constraints(course: Course, states: Sequence[Quantity]) -> tuple[tuple[PathConstraint, ...], ...]:
-    """Return what holds along each leg besides the aircraft's limits: lines, crowd, the climb angle of a roll.
+    """Return the constraints along each leg besides the aircraft's limits: lines, crowd, the climb angle of a roll.
 
-    There is one leg less than there are passages. Every kind of observation is made once, however many legs see it.
+    There is one leg less than there are passages. All legs share one observation of each kind.
     """
     line = line_observation(states)
     climb, exact_climb = climb_observation(states, exact=False), climb_observation(states, exact=True)
@@ -347,8 +347,12 @@ def path_constraints(course: Course, states: Sequence[Quantity]) -> tuple[tuple[
     legs: list[tuple[PathConstraint, ...]] = []
     for passage in course.passages[1:]:
         lines = [
-            beside(f"safety line {one.name}", line_values(one.start, one.end, right=one.keep_right), one.margin)
-            for one in passage.safety_lines
+            beside(
+                f"safety line {safety_line.name}",
+                line_values(safety_line.start, safety_line.end, right=safety_line.keep_right),
+                safety_line.margin,
+            )
+            for safety_line in passage.safety_lines
         ]
         if passage.roll is not None:
             lines.append(PathConstraint("roll", {"climb": passage.roll.climb}, climb, (), exact_climb))
@@ -361,26 +365,28 @@ def passings_of(course: Course) -> list[NamedPassing]:
     return [(passage.name, type(passage.element).__name__.lower()) for passage in course.passages]
 
 
-def ensure_same_passings(here: Sequence[NamedPassing], there: Sequence[NamedPassing], name: str) -> None:
+def ensure_same_passings(own: Sequence[NamedPassing], source: Sequence[NamedPassing], name: str) -> None:
     """Refuse a run whose passings differ: its flight leads through another course.
 
     Args:
-        here: the passings of the race at hand.
-        there: those of the run to start from; kinds may be unknown, which is an empty text.
-        name: what users call that run.
+        own: the passings of this race.
+        source: those of the run to start from; unknown kinds are empty.
+        name: label of that run.
 
     Raises:
         UsageError: naming the first passing that differs.
     """
-    for number, (mine, other) in enumerate(itertools.zip_longest(here, there), start=1):
-        if mine is None or other is None:
-            longer, one = ("this course", mine) if other is None else (name, other)
-            assert one is not None  # only one of the two sequences has ended
-            raise UsageError(f"{name} flies other passings: only {longer} has a passing number {number}, {one[0]}")
-        same_kind = mine[1] == other[1] or not (mine[1] and other[1])
-        if mine[0] != other[0] or not same_kind:
-            first, second = (f"{one[0]} ({one[1]})" if not same_kind and one[1] else one[0] for one in (other, mine))
+    for number, (passing, source_passing) in enumerate(itertools.zip_longest(own, source), start=1):
+        if passing is None or source_passing is None:
+            longer, extra = ("this course", passing) if source_passing is None else (name, source_passing)
+            assert extra is not None  # only one of the two sequences has ended
+            raise UsageError(f"{name} flies other passings: only {longer} has a passing number {number}, {extra[0]}")
+        same_kind = passing[1] == source_passing[1] or not (passing[1] and source_passing[1])
+        if passing[0] != source_passing[0] or not same_kind:
+            texts: list[str] = []
+            for passing_name, kind in (source_passing, passing):
+                texts.append(f"{passing_name} ({kind})" if kind and not same_kind else passing_name)
             raise UsageError(
-                f"{name} flies other passings: number {number} is {first} there and {second} here; "
+                f"{name} flies other passings: number {number} is {texts[0]} there and {texts[1]} here; "
                 "start without it, or keep the names and the order of the passings"
             )

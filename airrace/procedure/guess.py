@@ -244,14 +244,14 @@ def _place_chain(waypoints: Sequence[Waypoint], chain: Sequence[History]) -> Non
     origin = np.array([0.0, 0.0, -50.0]) if start.position is None else _down(start.position)
     corners = np.vstack([np.zeros(3), *(np.array([h.x[-1], h.y[-1], h.z[-1]]) for h in chain)]).cumsum(axis=0) + origin
     knots = np.concatenate([[0], np.cumsum([len(history.x) - 1 for history in chain])])
-    wanted = corners.copy()
+    target = corners.copy()
     if end.position is not None:
-        wanted += np.outer(knots / knots[-1], _down(end.position) - corners[-1])
+        target += np.outer(knots / knots[-1], _down(end.position) - corners[-1])
     for place, waypoint in enumerate(waypoints[1:-1], start=1):
-        wanted[place, 2] = -_allowed_height(waypoint, -wanted[place, 2])
+        target[place, 2] = -_allowed_height(waypoint, -target[place, 2])
     for index, history in enumerate(chain):
         part = np.linspace(0.0, 1.0, len(history.x))
-        begin, finish = wanted[index] - corners[index], wanted[index + 1] - corners[index + 1]
+        begin, finish = target[index] - corners[index], target[index + 1] - corners[index + 1]
         for axis, values in enumerate(_position(history)):
             values += corners[index, axis] + begin[axis] + part * (finish[axis] - begin[axis])
 
@@ -288,7 +288,7 @@ def align_quaternions(state: Array) -> None:
 
 def rotate(state: Array, before: Array, after: Array) -> Array:
     """Return the quaternions of `state`, rotated as from `before` to `after`; shape (4, N)."""
-    q, q_before, q_after = (list(one[QUATERNION_ROWS]) for one in (state, before, after))
+    q, q_before, q_after = (list(history[QUATERNION_ROWS]) for history in (state, before, after))
     inverse = [q_before[0], -q_before[1], -q_before[2], -q_before[3]]
     return np.array(product(product(q_after, inverse), q))
 

@@ -88,20 +88,20 @@ class PhaseHomotopy:
         """Return where and how the phase ends."""
         if part == 1.0:
             return self.end
-        here, there = self.begin.position, self.end.position
+        begin, end = self.begin.position, self.end.position
         if self.path is not None:
-            assert here is not None  # a level leg's ends have positions
-            assert there is not None
+            assert begin is not None  # a level leg's ends have positions
+            assert end is not None
             bent = self.path.bend(part)
             north, east, heading = (float(values[0]) for values in bent.points(np.array([self.path.length])))
-            position, climb = (north, east, here[2] + part * (there[2] - here[2])), 0.0
+            position, climb = (north, east, begin[2] + part * (end[2] - begin[2])), 0.0
             bank = None if self.end.bank is None else part * self.end.bank
         else:
             vector = rotation_vector(self.begin.q, self.end.q)
             heading, climb, bank = angles(rotation(turn_by(self.begin.q, vector, part)))
-            bank, position = (None if self.end.bank is None else bank), there
-            if here is not None and there is not None:
-                north, east, height = (a + part * (b - a) for a, b in zip(self._ahead(here), there, strict=True))
+            bank, position = (None if self.end.bank is None else bank), end
+            if begin is not None and end is not None:
+                north, east, height = (a + part * (b - a) for a, b in zip(self._ahead(begin), end, strict=True))
                 position = north, east, height
         return dataclasses.replace(self.end, position=position, heading=heading, climb=climb, bank=bank, axis=heading)
 
@@ -180,11 +180,11 @@ class _Homotopy:
             *open_ended, index = group
             name = self.race.phases[index].name
             self.session.progress.activity(f"phase {index + 1} of {total}: {name}", index, total)
-            self.pieces += [phase_piece(self.planned, self.race, one) for one in open_ended]
+            self.pieces += [phase_piece(self.planned, self.race, phase) for phase in open_ended]
             place = self._place(group)
             if place in failed or not self._add_phase(index, HORIZON + len(open_ended)):
                 failed.append(place)
-                skipped += [self.race.phases[one].name for one in group]
+                skipped += [self.race.phases[phase].name for phase in group]
                 self.pieces.append(phase_piece(self.planned, self.race, index))
         result = conclude(
             self.flight,
@@ -200,7 +200,7 @@ class _Homotopy:
     def _place(self, group: Sequence[int]) -> Sequence[Passage]:
         """Return the passages of some phases, which are equal on all laps."""
         waypoints = self.flight.plan.waypoints[group[0] : group[-1] + 2]
-        return [dataclasses.replace(one.passage, name="", lap=0) for one in waypoints]
+        return [dataclasses.replace(waypoint.passage, name="", lap=0) for waypoint in waypoints]
 
     def _groups(self) -> list[list[int]]:
         """Return the phases to be added together: each alone, but those that end anywhere with the next fixed one.
@@ -229,7 +229,7 @@ class _Homotopy:
         if self.test_infeasibility is None or index in tested or len(tested) == INFEASIBILITY_TESTS_MAX:
             return
         tested.add(index)
-        rest = [phase_piece(self.planned, self.race, one) for one in range(len(self.pieces), len(self.mesh))]
+        rest = [phase_piece(self.planned, self.race, phase) for phase in range(len(self.pieces), len(self.mesh))]
         guesses = [self.planned, concatenate([*self.pieces, *rest])]
         self.infeasibility = self.test_infeasibility(self.race, index, guesses)
 
@@ -274,7 +274,9 @@ class _Homotopy:
         # place and an attitude of the plan, whatever pylons stand there.
         phases: list[Phase] = [
             *self.race.phases[first:index],
-            dataclasses.replace(end, watches=tuple(one for one in end.watches if part == 1.0 and one.at is None)),
+            dataclasses.replace(
+                end, path_constraints=tuple(c for c in end.path_constraints if part == 1.0 and c.at is None)
+            ),
         ]
         begin = self.race.start if first == 0 else fixed_state(self.flight, self.pieces[first].state[:, 0])
         problem = dataclasses.replace(self.race, start=begin, phases=tuple(phases))
@@ -289,7 +291,7 @@ class _Homotopy:
         planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
         if solution.iterate.durations.sum() > DETOUR * planned.sum() + DETOUR_SECONDS:
             return None
-        return [phase_piece(solution.iterate, problem, one) for one in range(len(problem.phases))]
+        return [phase_piece(solution.iterate, problem, phase) for phase in range(len(problem.phases))]
 
 
 def fixed_state(flight: StageProblem, state: Array) -> Boundary:

@@ -80,10 +80,10 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
         before=coarser,
         coarser=coarser,
     )
-    found = refine(session, start, first, next_until_certified, first_intervals=first_intervals)
-    if isinstance(found, Failure):
-        return f"no optimum was found on the {'coarser' if found.coarser is None else 'finer'} mesh"
-    return replace(found, search=optimum.search) if found.certified else found.message
+    result = refine(session, start, first, next_until_certified, first_intervals=first_intervals)
+    if isinstance(result, Failure):
+        return f"no optimum was found on the {'coarser' if result.coarser is None else 'finer'} mesh"
+    return replace(result, search=optimum.search) if result.certified else result.message
 
 
 def confirm_mesh(models: StageModels, optimum: StageResult, session: SolverSession) -> StageResult:

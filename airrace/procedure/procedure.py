@@ -148,18 +148,18 @@ def optimize(
             logger.warning("%s: %s", race.aircraft.name, remark)
     # A run that was started from another one has no stages below its first: what is finished needs them no more.
     highest = max((STAGES.index(stage) for stage in done), default=-1)
-    wanted = [stage for stage in wanted_stages(settings, until) if STAGES.index(stage) > highest]
+    remaining = [stage for stage in wanted_stages(settings, until) if STAGES.index(stage) > highest]
     unchecked = [
         result.stage
         for result in finished
         if result.holds and not result.certified and checks_mesh(settings, result.stage, until)
     ]
-    if not (wanted or unchecked):
+    if not (remaining or unchecked):
         return
     if start and not finished:  # from the highest stage of the other run, from lower ones where that fails
-        needed = [first, Stage.POINT_MASS, *STAGES[STAGES.index(first) : STAGES.index(until) + 1], *wanted]
+        needed = [first, Stage.POINT_MASS, *STAGES[STAGES.index(first) : STAGES.index(until) + 1], *remaining]
     else:
-        needed = [*unchecked, *STAGES[max(highest, 0) : highest + 1], *wanted, *done]
+        needed = [*unchecked, *STAGES[max(highest, 0) : highest + 1], *remaining, *done]
     own_plan = plan_race(race)
     service = SolverService(
         threads=threads,
@@ -183,9 +183,9 @@ def optimize(
             if result is not None:
                 result, remark = _with_note(result, remark), ""
                 done[result.stage] = result
-                wanted = list(stages[stages.index(result.stage) + 1 :])
+                remaining = list(stages[stages.index(result.stage) + 1 :])
                 yield result
-        yield from _solve_stages(models, session, wanted, done, until, remark)
+        yield from _solve_stages(models, session, remaining, done, until, remark)
 
 
 @contextmanager
@@ -201,22 +201,22 @@ def _model_maker() -> Generator[ThreadPoolExecutor]:
 def _solve_stages(
     models: StageModels,
     session: SolverSession,
-    wanted: Sequence[Stage],
+    stages: Sequence[Stage],
     finished: Mapping[Stage, StageResult],
     last: Stage,
     remark: str,
 ) -> Iterator[StageResult]:
-    """Solve the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
+    """Solve stages in order until one fails; yield each as it is finished."""
     done = dict(finished)
     first_flight = None
     if Stage.HOMOTOPY in done:
         first_flight = FirstFlight(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_routes(models, session))
-    for following in wanted[:1]:
+    for following in stages[:1]:
         models.preload(following, session.service, _pylon_conditions(done))
-    for number, stage in enumerate(wanted):
+    for number, stage in enumerate(stages):
         session.progress.stage_started(stage)
         if not remark:
-            session.reset_log()  # what led nowhere before stays on the record of the stage that was run instead
+            session.reset_log()  # failed starts stay in the log of the stage that replaces them
         refine = refinement_of(session.settings, stage, last)
         if fidelity_of(stage).guess:
             first_flight = solve_first_flight(models, session, searches=last is not stage)
@@ -228,7 +228,7 @@ def _solve_stages(
         done[stage] = result
         result, remark = _with_note(result, remark), ""
         if result.outcome is Status.SOLVED:
-            for following in wanted[number + 1 : number + 2]:  # while the result is stored and flown along
+            for following in stages[number + 1 : number + 2]:  # while the result is stored and flown along
                 models.preload(following, session.service, _pylon_conditions(done))
         yield result
         if result.outcome is not Status.SOLVED:
@@ -493,8 +493,8 @@ def solve_stage_above(
         assert result is not None  # there are starts
         return result
 
-    jobs = [solve_main, *(functools.partial(solve_alternative, one) for one in below.alternatives)]
-    results = [one for one in session.side_by_side(jobs) if isinstance(one, StageResult)]
+    jobs = [solve_main, *(functools.partial(solve_alternative, alternative) for alternative in below.alternatives)]
+    results = [result for result in session.side_by_side(jobs) if isinstance(result, StageResult)]
     return _with_log(choose_and_carry(models, results, session.settings), session)
 
 
@@ -552,11 +552,11 @@ def choose_and_carry(models: StageModels, results: Sequence[StageResult], settin
     if settings.alternatives:
         longest = math.inf
     carried: list[StageResult] = []
-    for result in sorted(results, key=lambda one: one.trajectory.race_time):
+    for result in sorted(results, key=lambda result: result.trajectory.race_time):
         time = result.trajectory.race_time
         if not result.holds or time > longest or result.trajectory is chosen.trajectory:
             continue
-        is_same = any(abs(time - one.trajectory.race_time) <= SAME_FLIGHT for one in (chosen, *carried))
+        is_same = any(abs(time - kept.trajectory.race_time) <= SAME_FLIGHT for kept in (chosen, *carried))
         if not is_same or settings.alternatives or is_rough:
             carried.append(result)
     return replace(chosen, alternatives=tuple(carried[: (settings.alternatives or CARRIED_MAX) - 1]))

@@ -1,13 +1,13 @@
 """The conditions that the wing keeps clear of pylons when it is abeam of them, and their measurement on a flight.
 
-A condition is asked for at one node, from which the clearance from the pylon is predicted (`PylonRoom`).
+A condition holds at one node, from which the clearance from the pylon is predicted (`PylonRoom`).
 Where there is no flight yet, there is one for every pylon of a passing, at the node of the passing. On a flight the
-distance of the wing is measured in continuous time; then a node is moved to the moment abeam, and what the prediction
-was wrong by is added to what is asked for. Pylons of other elements get a condition where a flight comes too near to
-them: to the side, or above, where the least is missing.
+distance of the wing is measured in continuous time; then a node is moved to the moment abeam, and the error of
+the prediction is added to the required clearance. Pylons of other elements get a condition where a flight comes too
+near to them: to the side, or above, wherever least is missing.
 
-Farther away from that moment a node would not do: what the controls change until then is not predicted, so that the
-condition would change along the flight, and the Hamiltonian with it.
+The node has to be near that moment: changes of the controls until then are not predicted, so that the condition, and
+the Hamiltonian with it, would drift along the flight.
 """
 
 import dataclasses
@@ -37,15 +37,15 @@ PASSING_SECONDS = 0.5
 ABEAM_SECONDS = 0.03
 """Time within which cylinders of one obstacle are abeam at once, s: three metres of way."""
 TOUCHING_DISTANCE = 0.05
-"""Distance below which a pylon is taken to be hit, m: how deep, its distance does not tell."""
+"""Distance below which a pylon counts as hit, m; the depth of the hit is unknown."""
 ERROR_MAX = 1.0
-"""Largest error of a prediction that is taken for true, m."""
+"""Largest credible error of a prediction, m."""
 EXCESS_MAX = 0.05
 """Length by which a condition may keep the wing farther away than its clearance, m."""
 HOLDING_CLEARANCE = 0.01
-"""Clearance left up to which a condition is what keeps the wing away, m."""
+"""Margin up to which a condition is active, m."""
 BINDING_CLEARANCE = 1.0
-"""Clearance left up to which it may be that on the next mesh, m."""
+"""Margin up to which it may be active on the next mesh, m."""
 OFFSET_MAX = 2e-3
 """Time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. A judgement: nodes that
 were moved lie within half a millisecond; at 18 ms it drifted by four times its limit."""
@@ -62,7 +62,7 @@ OBSERVED_CLEARANCE = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReplayedFlight:
-    """A flight as it was replayed.
+    """A replayed flight.
 
     Attributes:
         problem: of the flight.
@@ -84,11 +84,11 @@ class ReplayedFlight:
         return samples[:, before] + (part - before) * (samples[:, before + 1] - samples[:, before])
 
     def time(self, condition: PylonCondition) -> float:
-        """Return the time at which a condition is asked for, s."""
+        """Return the time of a condition, s."""
         return float(self.durations[: condition.leg].sum() + condition.share * self.durations[condition.leg])
 
     def same(self, condition: PylonCondition, approach: ClosestApproach) -> bool:
-        """Tell whether an approach is that of a condition's pylon at the same passing."""
+        """Return whether an approach is to a condition's pylon at the same passing."""
         if (condition.element, condition.post) != (approach.pylon.name, approach.pylon.post):
             return False
         return abs(approach.time - self.time(condition)) <= PASSING_SECONDS
@@ -108,7 +108,7 @@ class MeasuredConditions:
     Attributes:
         conditions: at the moments abeam, as far as the flight comes near.
         distances: of the wing from their pylons, m; NaN where it does not come near.
-        binding: of which the clearance hardly exceeds what is asked for, or is too small.
+        binding: whether the clearance hardly exceeds the required one, or is too small.
         violation: the largest length by which a clearance is violated, m.
         excess: the largest length beyond its clearance at which a condition keeps the wing away, m.
         offset: the longest time from a condition that keeps the wing away to its moment abeam, s.
@@ -141,7 +141,7 @@ class ClearanceConstraints:
         pylons: by the names of their elements and their numbers among the pylons of these.
         semispan: from the aircraft's centre to a wing tip, m.
         values: the numbers of aircraft and air.
-        conditions: what is asked for; None for the pylons of every passing, as planned.
+        conditions: the conditions; None for the pylons of every passing, as planned.
     """
 
     system: System
@@ -154,7 +154,7 @@ class ClearanceConstraints:
     def of(cls, model: FlightModel, course: Course, span: float) -> Self:
         """Return the constraints for a model on a course."""
         values = tuple(float(value) for value in model.parameter_values)
-        pylons = {(one.name, one.post): one for one in cleared_pylons(course)}
+        pylons = {(pylon.name, pylon.post): pylon for pylon in cleared_pylons(course)}
         return cls(model.system, pylons, 0.5 * span, values)
 
     @cached_property
@@ -165,16 +165,16 @@ class ClearanceConstraints:
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
         """Return the constraints for a race that differs in numbers or obstacles, under the same conditions."""
-        other = dataclasses.replace(self.of(model, course, span), system=self.system)
-        return other.with_conditions(self.conditions_on(plan))
+        constraints = dataclasses.replace(self.of(model, course, span), system=self.system)
+        return constraints.with_conditions(self.conditions_on(plan))
 
     def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:
         """Return the constraints under other conditions, of which those of unknown pylons are left out.
 
         Without any, those of the passings hold.
         """
-        known = tuple(one for one in conditions if (one.element, one.post) in self.pylons)
-        return dataclasses.replace(self, conditions=known or None)
+        usable = tuple(condition for condition in conditions if (condition.element, condition.post) in self.pylons)
+        return dataclasses.replace(self, conditions=usable or None)
 
     def conditions_on(self, plan: Plan) -> tuple[PylonCondition, ...]:
         """Return the conditions along a plan."""
@@ -182,8 +182,8 @@ class ClearanceConstraints:
 
     def _at_passings(self, plan: Plan) -> tuple[PylonCondition, ...]:
         """Return a condition for every pylon of every passing, on the side on which the plan passes it."""
-        found: list[PylonCondition] = []
-        standing = {place_of(one): one for one in self.pylons.values() if not one.is_obstacle}
+        conditions: list[PylonCondition] = []
+        standing = {place_of(pylon): pylon for pylon in self.pylons.values() if not pylon.is_obstacle}
         for number, waypoint in enumerate(plan.waypoints):
             element, right = waypoint.passage.element, waypoint.axis + math.pi / 2
             posts = element.drawing().posts if element.place is not None else ()
@@ -199,51 +199,52 @@ class ClearanceConstraints:
                     offset = -math.cos(element.passing_side - right)
                 side = PylonSide.RIGHT if offset > 0.0 else PylonSide.LEFT
                 leg, share = max(number - 1, 0), float(number > 0)
-                found.append(PylonCondition(pylon.name, pylon.post, leg, share, side, 0.0))
-        return tuple(found)
+                conditions.append(PylonCondition(pylon.name, pylon.post, leg, share, side, 0.0))
+        return tuple(conditions)
 
     def on_other_sides(self, plan: Plan, problem: Problem, iterate: Iterate) -> Iterator[tuple[PylonCondition, ...]]:
-        """Yield the conditions with one pylon on the other side of a flight, each in turn that may be passed on either.
+        """Yield the conditions with one pylon at a time on the other side of a flight.
 
-        Those are pylons that no passing at either end of the leg is of, and that keep the wing away. An obstacle has
+        The pylons are those with active conditions that belong to no passing at either end of the leg. An obstacle has
         all of its cylinders on one side.
         """
-        conditions, turned = self.conditions_on(plan), set[tuple[str, int]]()
-        for one in conditions:
-            pylon = self.pylons[one.element, one.post]
-            ends = [plan.waypoints[end].passage.element for end in (one.leg, one.leg + 1)]
+        conditions, obstacles = self.conditions_on(plan), set[tuple[str, int]]()
+        for condition in conditions:
+            pylon = self.pylons[condition.element, condition.post]
+            ends = [plan.waypoints[end].passage.element for end in (condition.leg, condition.leg + 1)]
             passed = {place_of(post) for element in ends if element.place for post in element.drawing().posts}
             if (
-                one.side is PylonSide.BELOW
+                condition.side is PylonSide.BELOW
                 or place_of(pylon) in passed
-                or (pylon.is_obstacle and (pylon.name, one.leg) in turned)
+                or (pylon.is_obstacle and (pylon.name, condition.leg) in obstacles)
             ):
                 continue
-            places = np.cumsum([0.0, *problem.phases[one.leg].fractions])
-            node = problem.first_node[one.leg] + int(np.abs(places - one.share).argmin())
-            left = self._clearance(one, self._observe(one, iterate.state[:, node])) - self._required_clearance(one)
-            if left < HOLDING_CLEARANCE:
-                turned.add((pylon.name, one.leg))
-                side = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT
-                yield tuple(
-                    dataclasses.replace(each, side=side, error=0.0)
-                    if each is one or (pylon.is_obstacle and _same_obstacle(each, one))
-                    else each
-                    for each in conditions
-                )
+            places = np.cumsum([0.0, *problem.phases[condition.leg].fractions])
+            node = problem.first_node[condition.leg] + int(np.abs(places - condition.share).argmin())
+            outputs = self._observe(condition, iterate.state[:, node])
+            margin = self._clearance(condition, outputs) - self._required_clearance(condition)
+            if margin < HOLDING_CLEARANCE:
+                obstacles.add((pylon.name, condition.leg))
+                side = PylonSide.LEFT if condition.side is PylonSide.RIGHT else PylonSide.RIGHT
+                mirrored: list[PylonCondition] = []
+                for current in conditions:
+                    if current is condition or (pylon.is_obstacle and _same_obstacle(current, condition)):
+                        current = dataclasses.replace(current, side=side, error=0.0)
+                    mirrored.append(current)
+                yield tuple(mirrored)
 
     def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:
         """Return the conditions along a plan as constraints on every leg."""
         legs: list[list[PathConstraint]] = [[] for _ in plan.waypoints[1:]]
-        for one in self.conditions_on(plan):
-            pylon, wanted = self.pylons[one.element, one.post], self._required_clearance(one)
+        for condition in self.conditions_on(plan):
+            pylon, required = self.pylons[condition.element, condition.post], self._required_clearance(condition)
             bounds = {
-                name: Interval(lower=wanted) if sign > 0.0 else Interval(upper=-wanted)
-                for name, sign in OBSERVED_CLEARANCE[one.side]
+                name: Interval(lower=required) if sign > 0.0 else Interval(upper=-required)
+                for name, sign in OBSERVED_CLEARANCE[condition.side]
             }
-            name = pylon.text if pylon.is_obstacle else f"pylon {one.post + 1} of {one.element}"
-            values = self._arguments(one)
-            legs[one.leg].append(PathConstraint(name, bounds, self.observation, values, at=one.share))
+            name = pylon.text if pylon.is_obstacle else f"pylon {condition.post + 1} of {condition.element}"
+            values = self._arguments(condition)
+            legs[condition.leg].append(PathConstraint(name, bounds, self.observation, values, at=condition.share))
         return [tuple(leg) for leg in legs]
 
     def measure(
@@ -260,46 +261,51 @@ class ClearanceConstraints:
         distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
         end = float(replayed.durations.sum())
         for number, before in enumerate(conditions):
-            approach = min(
-                (one for one in approaches if replayed.same(before, one)), key=attrgetter("distance"), default=None
-            )
-            if approach is None:
+            same_passing = [approach for approach in approaches if replayed.same(before, approach)]
+            if not same_passing:
                 continue
+            approach = min(same_passing, key=attrgetter("distance"))
             violation = max(violation, approach.shortfall)
             if approach.shortfall <= 0.0 and not 0.0 <= approach.abeam <= end:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
             clearance = self._clearance(before, self._observe(before, replayed.state(before.leg, before.share)))
-            left = clearance - self._required_clearance(before)
+            margin = clearance - self._required_clearance(before)
             conditions[number] = after = replayed.at(before, approach)
             fixed = approach.pylon.is_obstacle and before.side is not PylonSide.BELOW  # the side of all its cylinders
             if approach.shortfall > 0.0 and clearance <= 0.0 and not fixed:  # the wing does not pass on that side
                 side = PylonSide.BELOW if approach.pylon.is_obstacle else self._side(after, approach.pylon, replayed)
                 conditions[number] = dataclasses.replace(after, side=side, error=0.0)
-            elif left < HOLDING_CLEARANCE:
+            elif margin < HOLDING_CLEARANCE:
                 excess = max(excess, -approach.shortfall)
                 offset = max(offset, abs(approach.abeam - replayed.time(before)))
                 side = self._side(after, approach.pylon, replayed)
-                other = side is not before.side and (side is PylonSide.BELOW or not approach.pylon.is_obstacle)
-                if -approach.shortfall > EXCESS_MAX and other:  # as above its top
+                other_side = side is not before.side and (side is PylonSide.BELOW or not approach.pylon.is_obstacle)
+                if -approach.shortfall > EXCESS_MAX and other_side:  # as above its top
                     conditions[number] = dataclasses.replace(after, side=side, error=0.0)
-            distances[number], binding[number] = approach.distance, left < BINDING_CLEARANCE
+            distances[number], binding[number] = approach.distance, margin < BINDING_CLEARANCE
         new: list[tuple[float, PylonCondition, ClosestApproach]] = []
         for approach in sorted(approaches, key=attrgetter("distance")):
             pylon = approach.pylon
-            known = (pylon.name, pylon.post) in self.pylons
-            if known and approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
-                one = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
-                one = replayed.at(one, approach)
-                beside = (each.side for each in conditions if pylon.is_obstacle and _same_obstacle(each, one))
-                one = dataclasses.replace(one, side=next(beside, None) or self._side(one, pylon, replayed))
-                violation = max(violation, approach.shortfall)
-                clearance = self._clearance(one, self._observe(one, replayed.state(one.leg, one.share)))
-                new.append((clearance if pylon.is_obstacle else 0.0, one, approach))
-        taken: list[ClosestApproach] = []  # of the cylinders that are abeam at once the farthest out speaks for all
-        for _, one, approach in sorted(new, key=lambda each: each[0]):
-            if not any(_abeam_together(approach, other) for other in taken):
-                taken.append(approach)
-                conditions.append(one)
+            if (pylon.name, pylon.post) not in self.pylons or not approach.shortfall > 0.0:
+                continue
+            if any(replayed.same(condition, approach) for condition in conditions):
+                continue
+            condition = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
+            condition = replayed.at(condition, approach)
+            side = self._side(condition, pylon, replayed)
+            for existing in conditions if pylon.is_obstacle else ():
+                if _same_obstacle(existing, condition):
+                    side = existing.side
+                    break
+            condition = dataclasses.replace(condition, side=side)
+            violation = max(violation, approach.shortfall)
+            outputs = self._observe(condition, replayed.state(condition.leg, condition.share))
+            new.append((self._clearance(condition, outputs) if pylon.is_obstacle else 0.0, condition, approach))
+        abeam: list[ClosestApproach] = []  # of cylinders that are abeam at once the outermost counts
+        for _, condition, approach in sorted(new, key=lambda item: item[0]):
+            if not any(_abeam_together(approach, accepted) for accepted in abeam):
+                abeam.append(approach)
+                conditions.append(condition)
                 distances.append(approach.distance)
                 binding.append(True)
         return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), violation, excess, offset)
@@ -307,14 +313,14 @@ class ClearanceConstraints:
     def _side(self, condition: PylonCondition, pylon: PylonPost, replayed: ReplayedFlight) -> PylonSide:
         """Return the side with the most clearance; of an obstacle all cylinders are passed on the same one."""
         state = replayed.state(condition.leg, condition.share)
-        posts = [one for one in self.pylons.values() if one.name == pylon.name] if pylon.is_obstacle else [pylon]
-        seen = [self._observe(dataclasses.replace(condition, post=one.post), state) for one in posts]
+        posts = [post for post in self.pylons.values() if post.name == pylon.name] if pylon.is_obstacle else [pylon]
+        outputs = [self._observe(dataclasses.replace(condition, post=post.post), state) for post in posts]
         sides = [dataclasses.replace(condition, side=side) for side in PylonSide]
-        return max(sides, key=lambda one: min(self._clearance(one, each) for each in seen)).side
+        return max(sides, key=lambda candidate: min(self._clearance(candidate, output) for output in outputs)).side
 
     def place_on_mesh(
         self,
-        found: MeasuredConditions,
+        measured: MeasuredConditions,
         replayed: ReplayedFlight,
         mesh: Sequence[Fractions],
         guess: Iterate,
@@ -325,29 +331,29 @@ class ClearanceConstraints:
         """Return another mesh with nodes moved to the moments abeam, the guess on it, and the conditions at its nodes.
 
         Args:
-            found: the conditions as a flight measures them.
+            measured: the conditions as a flight measures them.
             replayed: the flight.
             mesh: fractions of every leg.
             guess: on that mesh.
-            nodes: those at which a condition may be asked for, shape (N + 1,); the ends of legs are among them.
+            nodes: those at which a condition may hold, shape (N + 1,); the ends of legs are among them.
             beside_passings: whether a moment abeam shortly before or after a passing takes a node of its own.
         """
-        wanted: list[list[float]] = [[] for _ in mesh]
-        for one, binding in zip(found.conditions, found.binding, strict=True):
+        shares: list[list[float]] = [[] for _ in mesh]
+        for condition, binding in zip(measured.conditions, measured.binding, strict=True):
             if binding:
-                wanted[one.leg].append(one.share)
-        mesh, guess = move_nodes(mesh, guess, nodes, wanted, beside_ends=beside_passings)
+                shares[condition.leg].append(condition.share)
+        mesh, guess = move_nodes(mesh, guess, nodes, shares, beside_ends=beside_passings)
         first_node = np.cumsum([0, *(len(leg) for leg in mesh)])
         conditions: list[PylonCondition] = []
-        for one, distance in zip(found.conditions, found.distances, strict=True):
-            places = np.concatenate([[0.0], np.cumsum(mesh[one.leg])])
-            places = places[nodes[first_node[one.leg] : first_node[one.leg + 1] + 1]]
-            share = min(float(places[int(np.abs(places - one.share).argmin())]), 1.0)
-            conditions.append(self._with_error(dataclasses.replace(one, share=share), replayed, distance))
+        for condition, distance in zip(measured.conditions, measured.distances, strict=True):
+            places = np.concatenate([[0.0], np.cumsum(mesh[condition.leg])])
+            places = places[nodes[first_node[condition.leg] : first_node[condition.leg + 1] + 1]]
+            share = min(float(places[int(np.abs(places - condition.share).argmin())]), 1.0)
+            conditions.append(self._with_error(dataclasses.replace(condition, share=share), replayed, distance))
         return mesh, guess, tuple(conditions)
 
     def _with_error(self, condition: PylonCondition, replayed: ReplayedFlight, distance: float) -> PylonCondition:
-        """Return a condition with the error of its prediction; as it is where that is not known.
+        """Return a condition with the error of its prediction; unchanged where that is unknown.
 
         Where the wing is farther away than predicted by more than an error may be, and than what is required, its
         distance is that to another side, as above the top. Above it the lower tip counts, whichever point of the wing
@@ -372,7 +378,7 @@ class ClearanceConstraints:
         return dataclasses.replace(condition, roll_acceleration=rolling)
 
     def _required_clearance(self, condition: PylonCondition) -> float:
-        """Return the clearance that a condition asks for, m."""
+        """Return the clearance required by a condition, m."""
         return self.pylons[condition.element, condition.post].required + condition.error
 
     def _arguments(self, condition: PylonCondition) -> tuple[float, ...]:
@@ -380,20 +386,20 @@ class ClearanceConstraints:
         return (pylon.north, pylon.east, pylon.height, self.semispan, condition.roll_acceleration, *self.values)
 
     def _observe(self, condition: PylonCondition, state: Array) -> dict[str, float]:
-        """Return what is observed of the pylon of a condition in a state (n_x,)."""
+        """Return the outputs for the pylon of a condition in a state (n_x,)."""
         values = self.observation.values(state, np.array(self._arguments(condition)))
         return dict(zip(PylonRoom.names(), np.asarray(values).ravel().tolist(), strict=True))
 
-    def _clearance(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:
-        return min(sign * seen[name] for name, sign in OBSERVED_CLEARANCE[condition.side])
+    def _clearance(self, condition: PylonCondition, output: Mapping[str, float]) -> float:
+        return min(sign * output[name] for name, sign in OBSERVED_CLEARANCE[condition.side])
 
 
-def _same_obstacle(one: PylonCondition, other: PylonCondition) -> bool:
-    """Tell whether two conditions are to the side of the same element on the same leg."""
-    return (one.element, one.leg) == (other.element, other.leg) and one.side is not PylonSide.BELOW
+def _same_obstacle(first: PylonCondition, second: PylonCondition) -> bool:
+    """Return whether two conditions are to the side of the same element on the same leg."""
+    return (first.element, first.leg) == (second.element, second.leg) and first.side is not PylonSide.BELOW
 
 
-def _abeam_together(one: ClosestApproach, other: ClosestApproach) -> bool:
-    """Tell whether two cylinders of one obstacle are abeam at the same time, as far as nodes tell."""
-    alike = one.pylon.is_obstacle and one.pylon.name == other.pylon.name
-    return alike and abs(one.abeam - other.abeam) < ABEAM_SECONDS
+def _abeam_together(first: ClosestApproach, second: ClosestApproach) -> bool:
+    """Return whether two cylinders of one obstacle are abeam at the same time, within the resolution of nodes."""
+    same_obstacle = first.pylon.is_obstacle and first.pylon.name == second.pylon.name
+    return same_obstacle and abs(first.abeam - second.abeam) < ABEAM_SECONDS

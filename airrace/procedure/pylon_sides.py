@@ -75,7 +75,7 @@ def on_other_sides(models: StageModels, optimum: StageResult, tried: set[Sides],
 
 def sides_of(conditions: Sequence[PylonCondition]) -> Sides:
     """Return on which side every pylon is passed on every leg."""
-    return frozenset((one.element, one.post, one.leg, one.side) for one in conditions)
+    return frozenset((condition.element, condition.post, condition.leg, condition.side) for condition in conditions)
 
 
 def _solve(flight: StageProblem, optimum: StageResult, slowest: float, session: SolverSession) -> StageResult | Failure:

@@ -120,7 +120,7 @@ def recompute(
                 yield result, result
                 continue
             ensure_matches_model(race, result)
-            alternatives = [_recompute_one(race, settings, one, service) for one in result.alternatives]
+            alternatives = [_recompute_one(race, settings, alternative, service) for alternative in result.alternatives]
             yield result, replace(_recompute_one(race, settings, result, service), alternatives=tuple(alternatives))
 
 
@@ -136,22 +136,24 @@ def _recompute_one(race: Race, settings: Settings, result: StageResult, service:
         flight = without_pilot_limits(formulate(Stage.POINT_MASS, race, settings), race)
         trajectory = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
         return replace(result, trajectory=trajectory, splits=gate_splits(flight, trajectory), certificate=None)
-    found = measure(race, settings, TrustedData.of(result), service)
+    measured = measure(race, settings, TrustedData.of(result), service)
     status = "" if result.certificate is None else result.certificate.solver_status
     return replace(
         result,
-        trajectory=found.trajectory,
-        splits=found.splits,
-        bound_multipliers=found.bound_multipliers,
-        certificate=Certificate(status, (_claim(result.attempts, status), *found.items), found.second_order),
-        provenance=replace(result.provenance, regularisation=found.regularisation),
-        mesh=replace(result.mesh, defect=found.defect, drift=found.drift),
+        trajectory=measured.trajectory,
+        splits=measured.splits,
+        bound_multipliers=measured.bound_multipliers,
+        certificate=Certificate(status, (_claim(result.attempts, status), *measured.items), measured.second_order),
+        provenance=replace(result.provenance, regularisation=measured.regularisation),
+        mesh=replace(result.mesh, defect=measured.defect, drift=measured.drift),
     )
 
 
 def _claim(attempts: Sequence[Attempt], status: str) -> Item:
     """Return what the solver says: an optimum, if that is on record with these words."""
-    claims = (one.status for one in attempts if one.success and f"{one.solver}: {one.status}" == status)
+    claims = (
+        attempt.status for attempt in attempts if attempt.success and f"{attempt.solver}: {attempt.status}" == status
+    )
     words = next(claims, None)
     return Item("solver", math.nan, 0.0, "", "says nothing") if words is None else Item("solver", 0.0, 0.0, "", words)
 

@@ -63,15 +63,15 @@ run takes no longer than from scratch.
 
 @dataclass(frozen=True)
 class SourceRun:
-    """Another run, under the name that users know, with the stages that it holds."""
+    """Another run, under its name for users, with its stages."""
 
     name: str
     results: Sequence[StageResult]
 
     def optima(self, stages: Sequence[Stage]) -> list[StageResult]:
         """Its optima of these stages that hold, certified or solved on one mesh, the highest first."""
-        holding = [one for one in self.results if one.holds and one.stage in stages]
-        return sorted(holding, key=lambda one: stages.index(one.stage), reverse=True)
+        results = [result for result in self.results if result.holds and result.stage in stages]
+        return sorted(results, key=lambda result: stages.index(result.stage), reverse=True)
 
     def usable_optima(self, stages: Sequence[Stage]) -> list[StageResult]:
         """Return the optima that a run up to the last of these stages can be started from, the highest first.
@@ -92,9 +92,9 @@ def starting_points(source: SourceRun, stages: Sequence[Stage], course: Course) 
         UsageError: there is none, or they fly other passings.
     """
     optima = source.usable_optima(stages)
-    here = [(passage.name, "") for passage in course.passages]
+    passings = [(passage.name, "") for passage in course.passages]
     for optimum in optima:
-        ensure_same_passings(here, [(split.name, "") for split in optimum.splits], source.name)
+        ensure_same_passings(passings, [(split.name, "") for split in optimum.splits], source.name)
     return optima
 
 
@@ -108,19 +108,19 @@ def start_from(
     """Solve the highest of these stages from another run's optimum of it, and on a faster route if there is one near.
 
     The alternatives of that optimum are solved likewise, for another one may have become the fastest. Where none leads
-    to an optimum, what the search around it has found by the point mass is what to go on from.
+    to an optimum, the run continues from the point mass's best route around it.
 
     Args:
         source: the other run.
-        stages: in the order of rising fidelity, the last one being the highest that is wanted.
+        stages: in the order of rising fidelity, up to the highest one.
         models: of this race.
-        session: what is solved with.
+        session: solves.
         refine_point_mass: how closely the point mass is solved.
 
     Returns:
         The fastest of these optima, as many slower ones as there were alternatives beside it; else that of the point
-        mass; None where there is nothing to go on from. And one sentence for users where it is not the highest stage on
-        the stored route, else empty.
+        mass; None without a start. And one sentence for users where it is not the highest stage on the stored route,
+        else empty.
 
     Raises:
         UsageError: the other run has no optimum of these stages that holds, or flies other passings.
@@ -135,12 +135,12 @@ def start_from(
         return None, _remark(source, obstacles, "the start is from scratch")
     session.progress.stage_started(optimum.stage)
     models.preload(optimum.stage, session.service)
-    usable = (optimum, *(one for one in optimum.alternatives if not _obstacle(models, one)))
+    usable = (optimum, *(alternative for alternative in optimum.alternatives if not _obstacle(models, alternative)))
     stored = usable[: session.settings.alternatives]
     with session.search_in_background(functools.partial(_search_around, models, session, optimum)) as search:
-        main, *alternatives = [_from_optimum(models, session, one, source.name) for one in stored]
+        main, *alternatives = [_from_optimum(models, session, start, source.name) for start in stored]
         around = search.result()
-    flights = [one for one in (main, *alternatives) if isinstance(one, StageResult)]
+    flights = [flight for flight in (main, *alternatives) if isinstance(flight, StageResult)]
     faster = None
     if isinstance(main, str):
         obstacles.append((optimum.stage, main))
@@ -169,10 +169,10 @@ class RestartedFlights:
     Attributes:
         source: the name of that run.
         flights: all optima.
-        main: that of the stored flight; why there is none.
-        faster: on the faster route that was found around it; None where there is none.
-        around: what was found around it; None where nothing was looked for.
-        alternatives: how many slower ones are kept.
+        main: that of the stored flight, or the reason why there is none.
+        faster: on the faster route around it, if there is one.
+        around: the routes around it; None without a search.
+        alternatives: number of slower ones that are stored.
     """
 
     source: str
@@ -186,7 +186,7 @@ class RestartedFlights:
         """Return which route a flight takes, in words."""
         if flight is self.main:
             return "the stored one"
-        if not any(flight is one for one in self.flights):
+        if not any(flight is source_flight for source_flight in self.flights):
             return "past a pylon on its other side"
         return self.around.text if self.around and flight is self.faster else "an alternative of the stored one"
 
@@ -198,7 +198,10 @@ def _fastest(
     flight, main, around = models.problem(restarted.flights[0].stage), restarted.main, restarted.around
     flights = with_other_sides(models, restarted.flights, session)
     best = simplest_of(flight, flights)
-    slower = sorted((one for one in flights if one is not best), key=lambda one: one.trajectory.race_time)
+    slower = sorted(
+        (slower_flight for slower_flight in flights if slower_flight is not best),
+        key=lambda slower_flight: slower_flight.trajectory.race_time,
+    )
     carried, log = tuple(slower[: restarted.alternatives]), tuple(session.attempts)
     if best is not main and not isinstance(main, str):
         is_faster = best.trajectory.race_time < main.trajectory.race_time
@@ -206,14 +209,16 @@ def _fastest(
         change = f"{restarted.source}: another route {what}: {restarted.route_of(best)}"
         remark = f"{remark}; {change}" if remark else change
     # Past a pylon on its other side it is on the route of the fastest flight before.
-    on_route = best if any(best is one for one in restarted.flights) else fastest_of(restarted.flights)
+    on_route = (
+        best if any(best is source_flight for source_flight in restarted.flights) else fastest_of(restarted.flights)
+    )
     if around is not None and (on_route is main or on_route is restarted.faster):
         report = around.report if on_route is restarted.faster else around.report_on_stored
-    else:  # around what was stored first was searched, if at all: these optima are what is comparable
+    else:  # the search was around the stored flight, if there was one: only these optima are comparable
         routes: list[Route] = []
-        for one in (best, *slower):
-            time = one.trajectory.race_time
-            routes.append(Route(restarted.route_of(one), time, time - best.trajectory.race_time, OPTIMUM))
+        for optimum in (best, *slower):
+            time = optimum.trajectory.race_time
+            routes.append(Route(restarted.route_of(optimum), time, time - best.trajectory.race_time, OPTIMUM))
         report = replace(NOT_SEARCHED, routes=tuple(routes) if slower else ())
     best = with_note_on_faster(flight, best, flights)
     return replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=report), remark
@@ -222,10 +227,10 @@ def _fastest(
 def _search_around(
     models: StageModels, session: SolverSession, optimum: StageResult, pool: SolverPool
 ) -> RoutesAround | None:
-    """Search around another run's optimum for a faster route; None where none is looked for.
+    """Search around another run's optimum for a faster route; None without a search.
 
-    What is searched does not depend on what is solved meanwhile: the optimum is solved by the point mass under this
-    race's numbers.
+    It starts from the optimum as solved by the point mass under this race's numbers, so it does not depend on the
+    solves that run meanwhile.
     """
     if session.settings.search is SearchEffort.OFF:
         return None
@@ -259,15 +264,17 @@ def _on_other_route(
     start = replace(_splice(whole, continued, around.phases, name), iterations_max=ITERATIONS_MAX)
     proposal, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
     first = state_to_certify(session, start.flight, proposal, start.barrier, (primary,), None)
-    found = refine(session, start, replace(first, purpose="on another route"), next_until_certified)
-    return found if isinstance(found, StageResult) and found.certified else None
+    result = refine(session, start, replace(first, purpose="on another route"), next_until_certified)
+    return result if isinstance(result, StageResult) and result.certified else None
 
 
 def _splice(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> Start:
     """Return a start with some phases as given, and the others as in an optimum on another route."""
     mesh, stored = coarse_mesh(optimum)
-    there = whole.flight.problem(mesh)
-    sources = [(whole.guess, whole.problem) if index in phases else (stored, there) for index in range(len(mesh))]
+    stored_problem = whole.flight.problem(mesh)
+    sources = [
+        (whole.guess, whole.problem) if index in phases else (stored, stored_problem) for index in range(len(mesh))
+    ]
     mesh = [problem.phases[index].fractions for index, (_, problem) in enumerate(sources)]
     guess = concatenate([phase_piece(guess, problem, index) for index, (guess, problem) in enumerate(sources)])
     provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
@@ -275,10 +282,10 @@ def _splice(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> 
 
 
 def _remark(source: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
-    """Return a sentence on what did not lead to a result, and what was done instead; empty where everything did."""
+    """Return a sentence on the failed starts and the one that replaced them; empty without a failure."""
     reasons = [
-        f"from its {', '.join(stage.value for stage, _ in alike)}, {reason}"
-        for reason, alike in itertools.groupby(obstacles, key=lambda obstacle: obstacle[1])
+        f"from its {', '.join(stage.value for stage, _ in group)}, {reason}"
+        for reason, group in itertools.groupby(obstacles, key=lambda obstacle: obstacle[1])
     ]
     return f"{source.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
 
@@ -323,10 +330,10 @@ def _from_optimum(models: StageModels, session: SolverSession, optimum: StageRes
         before=coarse.optimum,
         coarser=coarser,
     )
-    found = refine(session, start, first, next_until_certified, first_intervals=start.problem.intervals)
-    if isinstance(found, Failure):
+    result = refine(session, start, first, next_until_certified, first_intervals=start.problem.intervals)
+    if isinstance(result, Failure):
         return f"{primary} found no optimum on a finer mesh"
-    return found if found.certified else f"the optimum was {found.message or 'not certified'}"
+    return result if result.certified else f"the optimum was {result.message or 'not certified'}"
 
 
 def _obstacle(models: StageModels, optimum: StageResult) -> str:
@@ -361,17 +368,17 @@ def _start(flight: StageProblem, optimum: StageResult, stored: Iterate, name: st
         finer = bisect_coarse(MeshProposal(mesh, stored, optimum.mesh.why, nodes))
         mesh, stored = restrict(mesh, stored, nodes)
     problem, layout = flight.problem(mesh), Layout(whole)
-    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
-    if known.constraints.shape == (layout.constraints,) and known.bounds.shape == (layout.unknowns,):
-        known = carry_multipliers(known, whole, problem)
+    multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+    if multipliers.constraints.shape == (layout.constraints,) and multipliers.bounds.shape == (layout.unknowns,):
+        multipliers = carry_multipliers(multipliers, whole, problem)
     else:
-        known = None  # they belong to other limits
+        multipliers = None  # they belong to other limits
     provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
-    return Start(flight, problem, stored, InitialBarrier.OTHER_MESH, provenance, known), finer
+    return Start(flight, problem, stored, InitialBarrier.OTHER_MESH, provenance, multipliers), finer
 
 
 def _carry_change(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
-    """Return the flight on the finer mesh, moved by what a solve has changed on the coarser one."""
+    """Return the flight on the finer mesh, shifted by the change of a solve on the coarser one."""
     places = np.flatnonzero(finer.coarser)
     passed = np.concatenate([[0.0], np.cumsum(np.concatenate(finer.mesh))])  # each phase counts 1
     changed: list[Array] = [np.interp(passed, passed[places], row) for row in after.state - before.state]
@@ -387,12 +394,12 @@ def _in_order_of(flight: StageProblem, optimum: StageResult) -> Iterate | None:
     """Return the stored flight with the states and controls of a model, by names and units; None where they differ."""
     system, trajectory = flight.model.system, optimum.trajectory
     rows: list[Array] = []
-    for wanted, stored, values in (
+    for quantities, stored, values in (
         (system.states, trajectory.states, trajectory.state),
         (system.controls, trajectory.controls, trajectory.control),
     ):
-        place = {(one.name, one.unit): row for row, one in enumerate(stored)}
-        keys = [(one.name, one.unit) for one in wanted]
+        place = {(quantity.name, quantity.unit): row for row, quantity in enumerate(stored)}
+        keys = [(quantity.name, quantity.unit) for quantity in quantities]
         if set(keys) != set(place):
             return None
         rows.append(values[[place[key] for key in keys]])

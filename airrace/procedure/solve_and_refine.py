@@ -352,9 +352,9 @@ def _with_curvature(solved: SolvedMesh) -> SolvedMesh:
     return replace(solved, solution=replace(solved.solution, second_order=None if judged is None else judged[0]))
 
 
-def carry_multipliers(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
+def carry_multipliers(multipliers: Multipliers, source: Problem, target: Problem) -> Multipliers:
     """Return the multipliers of the limits of one problem for another one with as many phases."""
-    return transfer_multipliers(multipliers, Layout(there), Layout(here))
+    return transfer_multipliers(multipliers, Layout(source), Layout(target))
 
 
 def solve_certified(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
@@ -506,10 +506,9 @@ def _finish(start: Start, solved: SolvedMesh) -> StageResult:
 
 def _failure_result(session: SolverSession, failures: Sequence[Failure], diagnose: Diagnosis | None) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
-    solutions = [one for one in failures if one.solution is not None]
-    returned = [one for one in solutions if one.solution and one.solution.ending is not Ending.BUDGET_EXHAUSTED]
-    claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
-    failure = (claimed or returned or list(failures))[0]
+    returned = [f for f in failures if f.solution and f.solution.ending is not Ending.BUDGET_EXHAUSTED]
+    infeasible = [f for f in returned if f.solution and f.solution.infeasible]
+    failure = (infeasible or returned or list(failures))[0]
     start, solution, last = failure.start, failure.solution, failure.start.guess
     outcome = Status.NOT_CONVERGED
     if solution is None:

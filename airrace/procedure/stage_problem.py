@@ -64,7 +64,7 @@ class StageProblem:
     Attributes:
         observation: the crossing of a passage, seen from the model's states.
         trim: the condition on a settled start or finish; None where the course has none.
-        watches: what holds along each leg besides the aircraft's limits.
+        path_constraints: along each leg, besides the aircraft's limits.
         weights: of the squared, scaled controls, by name.
         clearance: the conditions that the wing keeps clear of pylons; None where the rules ask for none.
         pilot: the limits of the pilot; None likewise.
@@ -77,7 +77,7 @@ class StageProblem:
     course: Course
     observation: Observation
     trim: Trim | None
-    watches: tuple[tuple[PathConstraint, ...], ...]
+    path_constraints: tuple[tuple[PathConstraint, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
     clearance: ClearanceConstraints | None = None
@@ -115,7 +115,14 @@ class StageProblem:
         pilot = () if self.pilot is None else self.pilot.along
         clearances = [()] * len(ends) if self.clearance is None else self.clearance.path_constraints(self.plan)
         legs = zip(
-            *(itertools.pairwise(self.plan.waypoints), leg_seconds(self.plan), mesh, ends, self.watches, clearances),
+            *(
+                itertools.pairwise(self.plan.waypoints),
+                leg_seconds(self.plan),
+                mesh,
+                ends,
+                self.path_constraints,
+                clearances,
+            ),
             strict=True,
         )
         phases: list[Phase] = []
@@ -128,7 +135,7 @@ class StageProblem:
                     duration=Interval(shortest, DETOUR * seconds + DETOUR_SECONDS),
                     end=end,
                     bounds=COUNTING if finish.passage.roll is not None else {},
-                    watches=(*own, *pilot, *clearance),
+                    path_constraints=(*own, *pilot, *clearance),
                 )
             )
         return Problem(
@@ -177,7 +184,7 @@ def formulate(
         course=course,
         observation=crossing,
         trim=Trim.of(model, crossing) if any(course.settled_ends) else None,
-        watches=path_constraints(course, model.system.states),
+        path_constraints=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularisation_weights(model, settings.regularisation),
         clearance=clearance,
@@ -248,7 +255,7 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
         first_node: the node at which each phase begins and, last, the end.
     """
     steps = np.split(np.diff(time), first_node[1:-1])
-    return [tuple((one / one.sum()).tolist()) for one in steps]
+    return [tuple((phase_steps / phase_steps.sum()).tolist()) for phase_steps in steps]
 
 
 def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
@@ -257,7 +264,7 @@ def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit
     V_K, z, n_z = trajectory["V_K"], trajectory["z"], history(flight, trajectory, "n_z")
     splits: list[GateSplit] = []
     for waypoint, node in zip(flight.plan.waypoints, trajectory.first_node.tolist(), strict=True):
-        heading, climb, bank = angles(rotation([float(one[node]) for one in q]))
+        heading, climb, bank = angles(rotation([float(component[node]) for component in q]))
         splits.append(
             GateSplit(
                 name=waypoint.passage.name,
@@ -296,10 +303,13 @@ def regularisation_weights(model: FlightModel, weight: float) -> dict[str, float
     and solvers are slow to find the best place: on a generated course state space took 3,110 iterations, with it 259.
     """
     controls = model.system.controls
-    half = {one.name: 0.5 * max(-one.lower, one.upper) for one in controls}  # of the fastest, without the model's own
+    # Half of the fastest rate, where the model has none of its own.
+    half = {control.name: 0.5 * max(-control.lower, control.upper) for control in controls}
     brisk = {**half, **model.brisk}
-    weights = {one.name: weight * (one.scale / brisk[one.name]) ** 2 for one in controls if one.rate_of}
-    resets = {name: RESET_WEIGHT for name in RollReset.names() if any(one.name == name for one in controls)}
+    weights = {
+        control.name: weight * (control.scale / brisk[control.name]) ** 2 for control in controls if control.rate_of
+    }
+    resets = {name: RESET_WEIGHT for name in RollReset.names() if any(control.name == name for control in controls)}
     return weights | dict.fromkeys(QUATERNION[1:3], weight) | resets
 
 
@@ -344,7 +354,7 @@ class PerturbedProblem:
             OtherStructureError: the race differs in more than numbers.
         """
         flight, course, original = self.flight, race.course, self.race.course
-        model, watches = flight.model, flight.watches
+        model, constraints = flight.model, flight.path_constraints
         if _kinds_of_conditions(course) != _kinds_of_conditions(original):
             raise OtherStructureError
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
@@ -356,7 +366,7 @@ class PerturbedProblem:
             )
             model = dataclasses.replace(built, system=system)
         if _surroundings(course) != _surroundings(original):
-            watches = path_constraints(course, model.system.states)
+            constraints = path_constraints(course, model.system.states)
         span = race.aircraft.airframe.b
         return dataclasses.replace(
             flight,
@@ -364,7 +374,7 @@ class PerturbedProblem:
             model=model,
             course=course,
             trim=flight.trim and flight.trim.of_other_numbers(model),
-            watches=watches,
+            path_constraints=constraints,
             aircraft=race.aircraft,
             clearance=flight.clearance and flight.clearance.of_other_numbers(model, course, span, flight.plan),
             pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
@@ -382,18 +392,23 @@ def _kinds_of_conditions(course: Course) -> object:
     rules = course.rules
     clearance = rules.clearance, bool(course.obstacles)
     limits = dataclasses.astuple(rules.pilot)
-    pilot = [math.isfinite(one) if isinstance(one, float) else one for one in limits]
+    pilot = [math.isfinite(limit) if isinstance(limit, float) else limit for limit in limits]
     ends = course.settled_ends, rules.start_speed
     # Where another choice is allowed at a passing, its axis and bank do not follow from those of the known plan.
     choices = [
-        (one.direction, one.roll and one.roll.turning, one.element.two_edged, one.element.prescribed_bank is None)
-        for one in course.passages
+        (
+            passage.direction,
+            passage.roll and passage.roll.turning,
+            passage.element.two_edged,
+            passage.element.prescribed_bank is None,
+        )
+        for passage in course.passages
     ]
     return passings_of(course), choices, clearance, pilot, ends
 
 
 def _surroundings(course: Course) -> tuple[object, ...]:
-    """Return all of a course that watches are made of."""
+    """Return all of a course on which path constraints depend."""
     own = tuple((passage.safety_lines, passage.roll) for passage in course.passages)
     return course.airspace, course.crowd, own
 

@@ -38,25 +38,26 @@ def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, Cal
         return lambda histories: of(histories)[name]
 
     groups = _groups(race, stage_model(result.stage, race))
-    own = {one: entry(values, one.name) for quantities, values in groups for one in quantities}
+    own = {quantity: entry(values, quantity.name) for quantities, values in groups for quantity in quantities}
     return {**fidelity_of(result.stage).columns, **own}
 
 
 def _groups(race: Race, model: FlightModel) -> Iterator[tuple[Sequence[Quantity], Callable[[Histories], Histories]]]:
-    """Yield what the model limits along the path, then load factors and forces, each with the function of them all."""
+    """Yield the path quantities, then load factors and forces, each group with its function."""
     system, numbers = model.system, model.parameter_values
-    known = {one.name for one in (*system.states, *system.controls)}
-    path = [one for one in system.path if one.name not in known]
-    load = [one for one in LoadFactors.quantities() if one.name not in known | {other.name for other in path}]
+    solved = {quantity.name for quantity in (*system.states, *system.controls)}
+    path = [quantity for quantity in system.path if quantity.name not in solved]
+    path_names = {quantity.name for quantity in path}
+    load = [quantity for quantity in LoadFactors.quantities() if quantity.name not in solved | path_names]
 
     def rows(function: ca.Function, histories: Histories) -> Array:
-        x = np.stack([histories[one.name] for one in system.states])
-        u = np.stack([histories[one.name] for one in system.controls])
+        x = np.stack([histories[quantity.name] for quantity in system.states])
+        u = np.stack([histories[quantity.name] for quantity in system.controls])
         return at_points(function, x, u, numbers)
 
     def along_path(histories: Histories) -> Histories:
         assert system.path_values is not None  # asked for its quantities alone
-        return dict(zip((one.name for one in system.path), rows(system.path_values, histories), strict=True))
+        return dict(zip((quantity.name for quantity in system.path), rows(system.path_values, histories), strict=True))
 
     def loads(histories: Histories) -> Histories:
         n = LoadFactors[Array].split(rows(load_factors(system), histories))
@@ -122,12 +123,12 @@ def continuous(race: Race, result: StageResult, longest_step: float) -> Continuo
         zip((*trajectory.states, *trajectory.controls), [*states, *trajectory.control[:, interval]], strict=True)
     )
     histories = {quantity.name: values for quantity, values in solved.items()}
-    declared = {one.name: one for one in (*system.states, *system.controls)}
+    declared = {quantity.name: quantity for quantity in (*system.states, *system.controls)}
     bounded = {declared.get(quantity.name, quantity): values for quantity, values in solved.items()}
-    derived = {one: function(histories) for one, function in fidelity_of(result.stage).columns.items()}
+    derived = {quantity: function(histories) for quantity, function in fidelity_of(result.stage).columns.items()}
     for quantities, function in _groups(race, model):
         values = function(histories)
-        derived |= {one: values[one.name] for one in quantities}
+        derived |= {quantity: values[quantity.name] for quantity in quantities}
     return Continuous(time, bounded, derived)
 
 

@@ -71,11 +71,11 @@ class WarmStage:
         limits = replace(limits, replay=spare * limits.replay, hamiltonian=spare * limits.hamiltonian)
         flight = self._perturbed.flight
         try:
-            found = self._solve(flight, flight, optimum, replace(self._settings, certificate=limits), coarse=True)
+            resolved = self._solve(flight, flight, optimum, replace(self._settings, certificate=limits), coarse=True)
         except BaseException:
             self.close()
             raise
-        self.optimum = found if found.holds else optimum
+        self.optimum = resolved if resolved.holds else optimum
 
     def close(self) -> None:
         """End the solver processes; what is solved meanwhile fails."""
@@ -94,8 +94,8 @@ class WarmStage:
             UsageError: the race has other passings.
             SolverCrash: the solver process died.
         """
-        known, before = start or self.optimum, self._perturbed.flight
-        return self._solve(before, self._formulation(race, known), known, self._settings)
+        optimum, before = start or self.optimum, self._perturbed.flight
+        return self._solve(before, self._formulation(race, optimum), optimum, self._settings)
 
     def mesh_check(self, race: Race, solved: StageResult) -> Callable[[], StageResult]:
         """Return the check of an optimum's mesh, in a solver process of its own, beside which others can be solved.
@@ -106,8 +106,8 @@ class WarmStage:
 
         def check() -> StageResult:
             with closing(self._session(self._settings, self._checker)) as session:
-                found = check_mesh_convergence(flight, solved, session)
-            return found if isinstance(found, StageResult) else solved
+                checked = check_mesh_convergence(flight, solved, session)
+            return checked if isinstance(checked, StageResult) else solved
 
         return check
 
@@ -124,36 +124,36 @@ class WarmStage:
         self._services.append(service)
         return service
 
-    def _formulation(self, race: Race, known: StageResult) -> StageProblem:
+    def _formulation(self, race: Race, optimum: StageResult) -> StageProblem:
         """Return the flight of a race; where it differs in more than numbers, its equations are used from now on."""
         ensure_same_passings(passings_of(race.course), passings_of(self._perturbed.race.course), "the known optimum")
         try:
             flight = self._perturbed.formulation(race)
             return replace(flight, weights=regularisation_weights(flight.model, self._settings.regularisation))
         except OtherStructureError:
-            flight = formulate(known.stage, race, self._settings, known.trajectory, known.pylon_conditions)
-            self._perturbed = PerturbedProblem(race, flight, mesh_of(known.trajectory))
+            flight = formulate(optimum.stage, race, self._settings, optimum.trajectory, optimum.pylon_conditions)
+            self._perturbed = PerturbedProblem(race, flight, mesh_of(optimum.trajectory))
             return flight
 
     def _solve(
         self,
         before: StageProblem,
         after: StageProblem,
-        known: StageResult,
+        optimum: StageResult,
         settings: Settings,
         *,
         coarse: bool = False,
     ) -> StageResult:
         """Solve a flight from the optimum of another one, by choice on the mesh from which its own was divided."""
-        there, flight = (one.with_conditions(known.pylon_conditions) for one in (before, after))
-        mesh, guess = coarse_mesh(known) if coarse else (mesh_of(known.trajectory), iterate_of(known.trajectory))
-        multipliers = Multipliers(known.constraint_multipliers, known.bound_multipliers)
-        whole = there.problem(mesh_of(known.trajectory))
-        layout, carried = Layout(whole), None
+        source, flight = (problem.with_conditions(optimum.pylon_conditions) for problem in (before, after))
+        mesh, guess = coarse_mesh(optimum) if coarse else (mesh_of(optimum.trajectory), iterate_of(optimum.trajectory))
+        multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+        whole = source.problem(mesh_of(optimum.trajectory))
+        layout, start_multipliers = Layout(whole), None  # multipliers of another shape belong to other limits
         if multipliers.constraints.shape == (layout.constraints,) and multipliers.bounds.shape == (layout.unknowns,):
-            carried = carry_multipliers(multipliers, whole, flight.problem(mesh))  # else they belong to other limits
-        provenance = StageProvenance(source_stage=known.stage.value)
-        start = Start(flight, flight.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, carried)
+            start_multipliers = carry_multipliers(multipliers, whole, flight.problem(mesh))
+        provenance = StageProvenance(source_stage=optimum.stage.value)
+        start = Start(flight, flight.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, start_multipliers)
         with closing(self._session(settings, self._service)) as session:
             return solve_with_refinement(session, [lambda: start], solve_single_mesh)
 

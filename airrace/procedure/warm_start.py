@@ -63,8 +63,8 @@ class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
     `flight` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are those of the
-    limits as far as they are known, None if nothing is; `iterations_max` is that of the first solve, None for that of
-    the settings; an optimum slower than `race_time_max` (s) is of no use, and no mesh follows it.
+    limits, or None; `iterations_max` is that of the first solve, None for that of
+    the settings; an optimum slower than `race_time_max` (s) is not refined.
     """
 
     flight: StageProblem
@@ -77,9 +77,9 @@ class Start:
     race_time_max: float = math.inf
 
     def has_guess_of(self, other: "Start") -> bool:
-        """Tell whether another start begins with the same guess on the same mesh: where both are trimmed."""
-        mine, theirs = self.guess, other.guess
-        pairs = (mine.durations, theirs.durations), (mine.state, theirs.state), (mine.control, theirs.control)
+        """Return whether another start has the same guess on the same mesh, as where both are trimmed."""
+        own, theirs = self.guess, other.guess
+        pairs = (own.durations, theirs.durations), (own.state, theirs.state), (own.control, theirs.control)
         return self.problem.mesh == other.problem.mesh and all(np.array_equal(*pair) for pair in pairs)
 
 
@@ -118,7 +118,7 @@ def track(flight: StageProblem, simulator: TrackingSimulator, source: StageProbl
 
 
 def trimmed_start(flight: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
-    """Return a start: a stage's model trimmed, node by node, in what the optimum of another stage does there."""
+    """Return a start: a stage's model trimmed, node by node, at the motion of the optimum of another stage."""
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
     state, control = trim_along(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
     guess = Iterate(optimum.trajectory.durations, state, control)
@@ -129,18 +129,19 @@ def map_controls(flight: StageProblem, source: StageProblem, optimum: StageResul
     """Return a start: the flight of a stage, in the states and controls of another one with the same equations."""
     trajectory, system = optimum.trajectory, flight.model.system
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
-    held = {one.name: row for one, row in zip(trajectory.controls, trajectory.control, strict=True)}
+    controls = {quantity.name: row for quantity, row in zip(trajectory.controls, trajectory.control, strict=True)}
     states = {
-        one.name: np.interp(nodes, trajectory.time, history(source, trajectory, one.name)) for one in system.states
+        quantity.name: np.interp(nodes, trajectory.time, history(source, trajectory, quantity.name))
+        for quantity in system.states
     }
 
-    def control(one: Quantity) -> Array:
-        moved = states.get(one.rate_of)
-        if one.name in held:  # the mean over each new interval
-            added = np.concatenate([[0.0], np.cumsum(held[one.name] * np.diff(trajectory.time))])
-            moved = np.interp(nodes, trajectory.time, added)
-        assert moved is not None  # a control that the source lacks is the rate of a state
-        return np.clip(np.diff(moved) / np.diff(nodes), one.lower, one.upper)
+    def control(quantity: Quantity) -> Array:
+        integral = states.get(quantity.rate_of)
+        if quantity.name in controls:  # the mean over each new interval
+            cumulative = np.concatenate([[0.0], np.cumsum(controls[quantity.name] * np.diff(trajectory.time))])
+            integral = np.interp(nodes, trajectory.time, cumulative)
+        assert integral is not None  # a control that the source lacks is the rate of a state
+        return np.clip(np.diff(integral) / np.diff(nodes), quantity.lower, quantity.upper)
 
     guess = Iterate(
         trajectory.durations, np.vstack(list(states.values())), np.vstack([control(u) for u in system.controls])
@@ -178,8 +179,8 @@ def _start(
     mesh: Sequence[tuple[float, ...]],
 ) -> Start:
     """Return a start with the optimum's multipliers of the limits that both stages have."""
-    problem, there = flight.problem(mesh), source.problem(mesh_of(optimum.trajectory))
-    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
-    known = transfer_multipliers(known, Layout(there), Layout(problem))
+    problem, source_problem = flight.problem(mesh), source.problem(mesh_of(optimum.trajectory))
+    multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+    multipliers = transfer_multipliers(multipliers, Layout(source_problem), Layout(problem))
     provenance = StageProvenance(source_stage=source.stage.value)
-    return Start(flight, problem, guess, InitialBarrier.COARSE, provenance, known)
+    return Start(flight, problem, guess, InitialBarrier.COARSE, provenance, multipliers)

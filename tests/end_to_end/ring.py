@@ -31,7 +31,7 @@ def _farthest(crossing: Symbols, place: Symbols) -> Sequence[Any]:
     return [sqrt(right * right + up * up + ROUNDED**2) + place["half_span"]]
 
 
-SIGHT = GateOutput(
+OUTPUT = GateOutput(
     name="ring",
     quantities=(Quantity("farthest", "m", scale=100.0, text="how far a wing tip may be from the ring's axis"),),
     parameters=(Quantity("centre_height", "m", scale=100.0, text="height of the ring's centre"),),
@@ -81,11 +81,11 @@ class Ring(Standing):
         return Frame(self.north, self.east, axis=axis, crossing_tan=math.tan(CROSSING), half_span=span / 2)
 
     @property
-    def sight(self) -> GateOutput:
-        return SIGHT
+    def output(self) -> GateOutput:
+        return OUTPUT
 
     @property
-    def sight_values(self) -> tuple[float, ...]:
+    def output_values(self) -> tuple[float, ...]:
         return (self.height,)
 
     def parameters(self) -> Sequence[Parameter[Any]]:

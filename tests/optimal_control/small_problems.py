@@ -49,7 +49,7 @@ def pylon() -> Observation:
 def rich_problem() -> Problem:
     """Three phases with uneven meshes, observations of two kinds at four boundaries, a bounded state at one of them.
 
-    Two phases are watched: one watch goes on from the first to the second, another begins there.
+    Two phases have path constraints: one goes on from the first to the second, another begins there.
     """
     seen, near = Interval(-6.0, 6.0), {"distance": Interval(upper=9.0), "lean": Interval(-1.0, 1.0)}
     gates, pylons = gate(), pylon()
@@ -65,7 +65,7 @@ def rich_problem() -> Problem:
                 (0.2, 0.5, 0.3),
                 Interval(0.1, 3.0),
                 Boundary("first", {"clearance": seen}, pylons, (0.6,)),
-                watches=(lasting,),
+                path_constraints=(lasting,),
             ),
             Phase(
                 "two",
@@ -73,7 +73,7 @@ def rich_problem() -> Problem:
                 Interval(0.2, 2.0),
                 Boundary("second", near, gates, (-0.2, 0.4)),
                 bounds={"load": Interval(-1.0, 2.0), "b": Interval(-2.0, 2.0), "s": Interval(-1.0, 1.0)},
-                watches=(lasting, begun),
+                path_constraints=(lasting, begun),
             ),
             Phase("three", (1.0,), Interval(0.1, 1.0), Boundary("finish", {"clearance": seen}, pylons, (-0.3,))),
         ),

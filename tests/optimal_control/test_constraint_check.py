@@ -110,7 +110,7 @@ def test_phase_is_named_from_its_first_interval_to_its_last(interval: int, phase
     assert item(audited(stated, replace(flown, control=control)), "replay_defect").where.startswith(f"{phase}, ")
 
 
-def watched(**bounds: Interval) -> Problem:
+def with_ranges(**bounds: Interval) -> Problem:
     """The end of the first phase is observed."""
     stated = problem()
     first, second = stated.phases
@@ -120,12 +120,12 @@ def watched(**bounds: Interval) -> Problem:
 def test_gates_are_measured_by_unit_and_the_worst_of_them_is_named() -> None:
     flown = flight(problem())
     x, v = flown.state[:, 3].tolist()
-    found = item(audited(watched(distance=Interval(upper=x - 0.3 - 0.25)), flown), "gate_length")
+    found = item(audited(with_ranges(distance=Interval(upper=x - 0.3 - 0.25)), flown), "gate_length")
     assert (found.value, found.limit, found.where) == (pytest.approx(0.25), 0.01, "gate, distance")
     assert not found.holds
-    found = item(audited(watched(v=Interval.exactly(v + 0.3)), flown), "gate_speed")
+    found = item(audited(with_ranges(v=Interval.exactly(v + 0.3)), flown), "gate_speed")
     assert (found.value, found.where) == (pytest.approx(0.3), "gate, v")
-    first, second = watched(x=Interval.exactly(x + 0.1)).phases
+    first, second = with_ranges(x=Interval.exactly(x + 0.1)).phases
     end = Boundary("finish", {"x": Interval.exactly(float(flown.state[0, -1]) - 0.4)})
     found = item(audited(replace(problem(), phases=(first, replace(second, end=end))), flown), "gate_length")
     assert (found.value, found.where) == (pytest.approx(0.4), "finish, x")
@@ -142,7 +142,7 @@ def test_what_is_not_a_number_does_not_hold() -> None:
     assert not item(measured, "replay_defect").holds
     state = flown.state.copy()
     state[0, 3] = np.nan
-    first, second = watched(x=Interval(-9.0, 9.0)).phases
+    first, second = with_ranges(x=Interval(-9.0, 9.0)).phases
     stated = replace(problem(), phases=(first, replace(second, end=Boundary("finish", {"x": Interval(-9.0, 9.0)}))))
     lost = replace(flown, state=state)
     measured = check_constraints(stated, lost, seen, tolerances=TOLERANCES, defect_limit=1e-4)
@@ -155,14 +155,14 @@ def test_distance_outside_a_range_is_zero_within_it() -> None:
 
 
 def on_watch(exact: Observation | None = None, **bounds: Interval) -> Problem:
-    """As `limited`, but by a watch of the same two quantities."""
+    """As `limited`, but by a path constraint on the same two quantities."""
     x, nothing = ca.SX.sym("x", 2), ca.SX.sym("none", 0)
     quantities = (Quantity("height", "m"), Quantity("rising", "m/s"))
     seen = Observation("seen", quantities, (), ca.Function("seen", [x, nothing], [x]))
     stated = problem((0.5, 0.5), (0.5, 0.5))
     first, second = stated.phases
-    watch = PathConstraint("lookout", bounds, seen, (), exact)
-    return replace(stated, phases=(replace(first, watches=(watch,)), second))
+    constraint = PathConstraint("lookout", bounds, seen, (), exact)
+    return replace(stated, phases=(replace(first, path_constraints=(constraint,)), second))
 
 
 def test_watch_is_measured_between_nodes_by_its_exact_measure() -> None:

@@ -84,8 +84,8 @@ def test_an_iterate_of_another_shape_is_refused(name: str, shape: tuple[int, ...
 def test_a_watch_looks_once_at_every_node_of_its_phases_unless_its_bounds_change() -> None:
     problem = rich_problem()
     first, second, third = problem.phases
-    other = replace(second.watches[0], bounds={"distance": Interval(-7.0, 9.0)})
-    changed = replace(problem, phases=(first, replace(second, watches=(other,)), third))
+    other = replace(second.path_constraints[0], bounds={"distance": Interval(-7.0, 9.0)})
+    changed = replace(problem, phases=(first, replace(second, path_constraints=(other,)), third))
 
     def nodes(stated: Problem, name: str) -> list[int]:
         return [one.node for one in Layout(stated).output_samples if one.name.endswith(f", {name}")]
@@ -296,9 +296,9 @@ def with_phase(**values: object) -> Problem:
     return replace(RICH, phases=(replace(first, **values), *others))  # type: ignore[arg-type]
 
 
-def with_watch(**values: object) -> Problem:
-    """The rich problem with the watch of its first phase changed."""
-    return with_phase(watches=(replace(RICH.phases[0].watches[0], **values),))  # type: ignore[arg-type]
+def with_path_constraint(**values: object) -> Problem:
+    """The rich problem with the path constraint of its first phase changed."""
+    return with_phase(path_constraints=(replace(RICH.phases[0].path_constraints[0], **values),))  # type: ignore[arg-type]
 
 
 def twice() -> Problem:
@@ -340,8 +340,11 @@ WRONG = [
     (with_phase(end=replace(RICH.phases[0].end, values=())), "boundary 'first' declares 1 parameters, and 0"),
     (with_phase(end=replace(RICH.phases[0].end, observation=None, bounds={})), "declares 0 parameters, and 1"),
     (replace(RICH, start=replace(RICH.start, bounds={"load": Interval()})), "boundary 'start' bounds unknown"),
-    (with_watch(bounds={"distanse": Interval(upper=1.0)}), "watch 'lasting' bounds unknown quantities: distanse"),
-    (with_watch(values=(0.1, 0.9, 0.5)), "watch 'lasting' declares 2 parameters, and 3"),
+    (
+        with_path_constraint(bounds={"distanse": Interval(upper=1.0)}),
+        "path constraint 'lasting' bounds unknown quantities: distanse",
+    ),
+    (with_path_constraint(values=(0.1, 0.9, 0.5)), "path constraint 'lasting' declares 2 parameters, and 3"),
     (with_phase(jump={"heigth": 1.0}), "jump at the end of phase 'one' changes unknown states: heigth"),
     (with_phase(jump={"a": math.nan}), "jump at the end of phase 'one' changes a by nan"),
     (replace(RICH, phases=(replace(RICH.phases[0], jump={"a": 1.0}),)), "no phase follows the jump"),
@@ -372,8 +375,8 @@ def test_rounding_and_contradicting_limits_are_not_refused() -> None:
 def test_a_watch_at_a_share_of_a_phase_is_asked_for_at_the_nearest_node_alone(share: float, node: int) -> None:
     rich = rich_problem()
     first, *others = rich.phases
-    alone = replace(first.watches[0], at=share, name="alone")
-    layout = Layout(replace(rich, phases=(replace(first, watches=(alone,)), *others)))
+    alone = replace(first.path_constraints[0], at=share, name="alone")
+    layout = Layout(replace(rich, phases=(replace(first, path_constraints=(alone,)), *others)))
     assert [one.node for one in layout.output_samples if one.name == "one, alone"] == [node]
 
 
@@ -386,17 +389,17 @@ def test_of_two_nodes_that_are_equally_near_the_first_is_asked() -> None:
 def test_a_watch_beyond_its_phase_is_refused(share: float) -> None:
     rich = rich_problem()
     first, *others = rich.phases
-    watches = (replace(first.watches[0], at=share),)
+    constraints = (replace(first.path_constraints[0], at=share),)
     with pytest.raises(ValueError, match="lasting"):
-        require_valid(replace(rich, phases=(replace(first, watches=watches), *others)))
+        require_valid(replace(rich, phases=(replace(first, path_constraints=constraints), *others)))
 
 
 def test_the_multiplier_at_one_node_is_carried_over_to_the_node_of_another_mesh_as_it_is() -> None:
     rich = rich_problem()
     first, *others = rich.phases
-    watches = (replace(first.watches[0], at=0.7, name="alone"),)
-    there = Layout(replace(rich, phases=(replace(first, watches=watches), *others)))
-    here = Layout(replace(rich, phases=(replace(first, watches=watches, fractions=(0.1,) * 10), *others)))
+    constraints = (replace(first.path_constraints[0], at=0.7, name="alone"),)
+    there = Layout(replace(rich, phases=(replace(first, path_constraints=constraints), *others)))
+    here = Layout(replace(rich, phases=(replace(first, path_constraints=constraints, fractions=(0.1,) * 10), *others)))
 
     def places(layout: Layout) -> list[int]:
         rows = zip(layout.row_index.tolist(), layout.flat_rows, strict=True)

@@ -83,7 +83,9 @@ def test_a_finer_mesh_has_stages_of_the_same_kinds() -> None:
     (phase,) = problem.phases
     counts: list[int] = []
     for intervals in (20, 80):
-        finer = replace(problem, phases=(replace(phase, fractions=(1.0 / intervals,) * intervals, watches=()),))
+        finer = replace(
+            problem, phases=(replace(phase, fractions=(1.0 / intervals,) * intervals, path_constraints=()),)
+        )
         assembly = Assembly(Layout(finer), casadi_kernels(finer.system, finer.scheme))
         counts.append(len(unique_rows(assembly.structure_keys(rows=True))[1]))
     assert counts[0] == counts[1] < 8

@@ -53,7 +53,7 @@ def choices_of(made: Plan, race: Race) -> RouteDecisions:
     """All choices that a plan has made, but for the sides of its turns."""
     passages = race.course.passages
     return RouteDecisions(
-        ways={stop: (made.waypoints[stop],) for stop in stops_of(race.course)},
+        candidates={stop: (made.waypoints[stop],) for stop in stops_of(race.course)},
         rolls={
             index: 1 if made.waypoints[index].rolled > 0.0 else -1
             for index, one in enumerate(passages)
@@ -76,7 +76,7 @@ def test_plan_keeps_its_own_choices_and_any_way_that_is_left_of_a_passage(name: 
     assert planned(race, ANY) == planned(race, choices_of(own, race)) == own
     for index in stops_of(race.course):
         for way in candidates(race.course, index)[::13]:
-            made = planned(race, RouteDecisions(ways={index: (way,)}))
+            made = planned(race, RouteDecisions(candidates={index: (way,)}))
             assert made.waypoints[index].axis == way.axis
             assert made.waypoints[index].heading == way.heading
             assert made.seconds >= own.seconds - 1e-9
@@ -110,10 +110,10 @@ def test_plan_flies_a_knife_edge_on_the_wing_and_rolls_to_the_side_that_is_asked
 def test_choices_without_some_ways_are_free_there_and_kept_elsewhere() -> None:
     race = SHIPPED["rovinj_2014"]
     whole = choices_of(plan_of(race), race)
-    freed = whole.without_ways(3)
-    assert freed.candidates(race.course, 3) == candidates(race.course, 3)
-    assert freed.candidates(race.course, 4) == [plan_of(race).waypoints[4]]
-    assert len(whole.candidates(race.course, 3)) == 1
+    freed = whole.without_candidates(3)
+    assert freed.candidates_at(race.course, 3) == candidates(race.course, 3)
+    assert freed.candidates_at(race.course, 4) == [plan_of(race).waypoints[4]]
+    assert len(whole.candidates_at(race.course, 3)) == 1
 
 
 # choices as flown
@@ -241,8 +241,13 @@ def test_course_of_a_manoeuvre_is_read_off_whatever_the_bank(bank: float) -> Non
 
 
 def test_decisions_of_another_flight_are_taken_at_its_stops_and_all_others_stay() -> None:
-    own = RouteDecisions(turns={1: 1, 2: 1}, rolls={1: 1, 2: 1}, lengths={1: 10.0, 2: 20.0}, last=MIRRORED_TIES.last)
+    own = RouteDecisions(
+        turns={1: 1, 2: 1},
+        rolls={1: 1, 2: 1},
+        lengths={1: 10.0, 2: 20.0},
+        prefer_last_on_ties=MIRRORED_TIES.prefer_last_on_ties,
+    )
     other = RouteDecisions(turns={1: -1, 2: -1}, rolls={1: -1, 2: -1}, lengths={2: 30.0})
     mixed = own.with_those_of(other, {2})
     assert (mixed.turns, mixed.rolls, mixed.lengths) == ({1: 1, 2: -1}, {1: 1, 2: -1}, {1: 10.0, 2: 30.0})
-    assert mixed.last
+    assert mixed.prefer_last_on_ties

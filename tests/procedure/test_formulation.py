@@ -311,7 +311,7 @@ SQUARE = (Point(-900.0, -900.0), Point(-900.0, 900.0), Point(900.0, 900.0), Poin
 STAND = Crowd("stand", CrowdShape.LINE, (Point(0.0, -400.0), Point(300.0, -420.0)), 90.0)
 
 
-def watches(**changes: object) -> tuple[tuple[PathConstraint, ...], ...]:
+def constraints_of(**changes: object) -> tuple[tuple[PathConstraint, ...], ...]:
     return path_constraints(dataclasses.replace(SMALL.course, **changes), STATES)
 
 
@@ -321,13 +321,13 @@ def with_passage(index: int, **changes: object) -> Course:
     return dataclasses.replace(SMALL.course, passages=tuple(passages))
 
 
-def seen(watch: PathConstraint, north: float, east: float) -> float:
+def seen(constraint: PathConstraint, north: float, east: float) -> float:
     x = [north, east, -20.0, 80.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
-    return float((watch.exact or watch.observation).values(x, watch.values))
+    return float((constraint.exact or constraint.observation).values(x, constraint.values))
 
 
 def test_safety_line_and_roll_are_watched_on_their_leg_alone() -> None:
-    assert watches() == ((), (), ())
+    assert constraints_of() == ((), (), ())
     first, second, third = path_constraints(with_passage(2, safety_lines=(BEACH,)), STATES)
     assert (first, third) == ((), ())
     (line,) = second
@@ -338,12 +338,12 @@ def test_safety_line_and_roll_are_watched_on_their_leg_alone() -> None:
     allowed = Interval(1.3, 1.6)
     first, second, third = path_constraints(with_passage(1, roll=Roll(5.0, allowed)), STATES)
     assert (second, third) == ((), ())
-    assert [watch.bounds for watch in first] == [{"climb": allowed}]
+    assert [constraint.bounds for constraint in first] == [{"climb": allowed}]
 
 
 @pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1]])
 def test_airspace_is_a_line_to_each_side_whichever_way_its_corners_run(corners: tuple[Point, ...]) -> None:
-    for leg in watches(airspace=corners):
+    for leg in constraints_of(airspace=corners):
         assert len(leg) == 4
         assert all(seen(side, 0.0, 0.0) == pytest.approx(900.0) for side in leg)
         outside = [sum(seen(side, *place) < 0.0 for side in leg) for place in ((1000.0, 0.0), (1000.0, 1000.0))]
@@ -351,12 +351,12 @@ def test_airspace_is_a_line_to_each_side_whichever_way_its_corners_run(corners: 
 
 
 def test_crowds_are_watched_on_every_leg_with_their_own_distances_and_like_ones_share_equations() -> None:
-    for (watch,) in watches(crowd=(STAND,)):
-        assert watch.bounds == {"distance": Interval(lower=90.0)}
-        assert watch.exact is not None
-        assert seen(watch, 0.0, -310.0) == pytest.approx((90.0**2 + 20.0**2) ** 0.5)
+    for (constraint,) in constraints_of(crowd=(STAND,)):
+        assert constraint.bounds == {"distance": Interval(lower=90.0)}
+        assert constraint.exact is not None
+        assert seen(constraint, 0.0, -310.0) == pytest.approx((90.0**2 + 20.0**2) ** 0.5)
     other = dataclasses.replace(STAND, name="other", corners=(Point(5.0, 5.0), Point(6.0, 9.0)), distance=30.0)
-    (one, two), *_ = watches(crowd=(STAND, other))
+    (one, two), *_ = constraints_of(crowd=(STAND, other))
     assert one.observation is two.observation
     assert one.exact is two.exact
     assert one.values != two.values
@@ -424,6 +424,6 @@ def test_a_mesh_or_conditions_of_too_few_legs_are_refused(missing: str) -> None:
     if missing == "intervals":
         mesh = mesh[:-1]
     else:
-        flight = dataclasses.replace(flight, watches=flight.watches[:-1])
+        flight = dataclasses.replace(flight, path_constraints=flight.path_constraints[:-1])
     with pytest.raises(ValueError, match="shorter"):
         flight.problem(mesh)

@@ -85,7 +85,10 @@ def test_the_roll_rate_is_that_of_the_model_and_the_onset_that_of_its_load_facto
 def test_every_stage_has_the_limits_and_without_a_preset_none_has_any(stage: Stage) -> None:
     plain, limited = problem_of(SMALL, stage), problem_of(flown_by(DISPLAY), stage)
     assert all(not PILOT_NAMES & one.bounds.keys() for one in plain.boundaries)
-    along = [[[one.name for one in leg.watches if one.at is None] for leg in race.phases] for race in (plain, limited)]
+    along = [
+        [[one.name for one in leg.path_constraints if one.at is None] for leg in race.phases]
+        for race in (plain, limited)
+    ]
     assert along == [[[]] * len(plain.phases), [[NEAR_GROUND]] * len(limited.phases)]
     gates = {"roll_rate", "lateral_load_factor", "sideslip"}
     if stage is not Stage.POINT_MASS:

@@ -107,8 +107,8 @@ def statement(problem: Problem) -> Statement:
     for phase in problem.phases:
         told |= observed(phase.name, phase.end)
         told |= {(phase.name, name): (bounds.lower, bounds.upper) for name, bounds in phase.bounds.items()}
-        for number, watch in enumerate(phase.watches):
-            told |= observed(f"{phase.name}, {number}: {watch.name}", watch)
+        for number, constraint in enumerate(phase.path_constraints):
+            told |= observed(f"{phase.name}, {number}: {constraint.name}", constraint)
     return told
 
 
@@ -119,7 +119,7 @@ def _at(function: ca.Function, *arguments: np.ndarray) -> tuple[float, ...]:
 @cache
 def known(stage: Stage) -> PerturbedProblem:
     flight = formulate(stage, inputs().race, Settings())
-    return PerturbedProblem(inputs().race, flight, [(0.5, 0.5)] * len(flight.watches))
+    return PerturbedProblem(inputs().race, flight, [(0.5, 0.5)] * len(flight.path_constraints))
 
 
 def differences(race: Race, stage: Stage) -> list[tuple[object, ...]] | None:
@@ -131,7 +131,7 @@ def differences(race: Race, stage: Stage) -> list[tuple[object, ...]] | None:
         flight = known(stage).formulation(race)
     except OtherStructureError:
         return None
-    mesh = [(0.5, 0.5)] * len(flight.watches)
+    mesh = [(0.5, 0.5)] * len(flight.path_constraints)
     scratch = replace(formulate(stage, race, Settings()), plan=flight.plan, weights=flight.weights)
     told, wanted = statement(flight.problem(mesh)), statement(scratch.problem(mesh))
     return [key for key in {**told, **wanted} if told.get(key) != wanted.get(key)]

@@ -48,7 +48,7 @@ DEPTH, HEIGHT = "z", "height"
 Place = tuple[int, int]
 """The phases before and after a node, by their indices; within a phase both are the same."""
 Owner = tuple[str, Place]
-"""The owner of an observation: ("boundary", (its number, 0)) or ("watch", (phase, its number there))."""
+"""The owner of an observation: ("boundary", (its number, 0)) or ("path constraint", (phase, its number there))."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ class _LimitSource:
     """The place in a problem where the limits of some constraints are stated.
 
     Attributes:
-        kind: `path`, `state` or `control` for a quantity of the system, `boundary` or `watch` for an observed one.
+        kind: `path`, `state` or `control` for a quantity of the system; `boundary` or `path constraint` for an
+            observed one.
         place: of the quantity, or of its owner.
         component: of the quantity in the system.
         name: of an observed quantity.
@@ -82,8 +83,8 @@ class _LimitSource:
         match self.kind:
             case "boundary":
                 return problem.boundaries[first].bounds.get(self.name, Interval())
-            case "watch":
-                return problem.phases[first].watches[second].bounds.get(self.name, Interval())
+            case "path constraint":
+                return problem.phases[first].path_constraints[second].bounds.get(self.name, Interval())
             case "control":
                 return narrow_range(system.controls[self.component], problem.phases[first].bounds)
             case "path":
@@ -160,7 +161,7 @@ class LagrangianSensitivity:
         self._multipliers[source][int(weak), int(multiplier > 0.0)] += multiplier
 
     def _gather_rows(self, layout: Layout, places: list[Place], lam: Array, weak: Array) -> None:
-        # A watch of all legs is one object in all phases of any such problem; it counts as its last phase's.
+        # A path constraint of all legs is one object in all phases of any such problem; it counts as its last phase's.
         owners = {id(bounds): owner for owner, bounds, _ in _observers(layout.problem)}
         depth = [state.name for state in layout.problem.system.states].index(DEPTH)
         for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
@@ -204,8 +205,8 @@ def _observers(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval]
         if boundary.observation is not None:
             yield ("boundary", (number, 0)), boundary.bounds, boundary.values
     for index, phase in enumerate(problem.phases):
-        for number, watch in enumerate(phase.watches):
-            yield ("watch", (index, number)), watch.bounds, watch.values
+        for number, constraint in enumerate(phase.path_constraints):
+            yield ("path constraint", (index, number)), constraint.bounds, constraint.values
 
 
 def _structure(problem: Problem) -> object:
@@ -234,7 +235,7 @@ def _by_system_parameters(functions: Evaluation, layout: Layout, w: Array, p: Ar
 def _by_observed_parameters(
     functions: Evaluation, layout: Layout, w: Array, p: Array, lam: Array
 ) -> dict[Owner, Array]:
-    """Return lam . dg/db of the parameters of every boundary and watch, by its owner.
+    """Return lam . dg/db of the parameters of every boundary and path constraint, by its owner.
 
     A row depends on the parameters of its own observation alone, so those of all observations are moved at once.
     """

@@ -146,28 +146,28 @@ def crossing_observation(states: Sequence[Quantity]) -> Observation:
 
 
 @functools.lru_cache(maxsize=64)
-def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
-    """Return the crossing together with what a kind of element observes besides.
+def with_output(crossing: Observation, output: GateOutput | None) -> Observation:
+    """Return the crossing together with the outputs of a kind of element.
 
     Equal arguments give one and the same object, so that all elements of a kind share it. Quantities and parameters of
-    the sight come last.
+    the output come last.
 
     Raises:
-        ValueError: a quantity of the sight has the name of one of the crossing.
+        ValueError: a quantity of the output has the name of one of the crossing.
     """
-    if sight is None:
+    if output is None:
         return crossing
     x = ca.SX.sym("x", crossing.values.size1_in(0))
-    b, own = named_symbols(crossing.parameters), named_symbols(sight.parameters)
+    b, own = named_symbols(crossing.parameters), named_symbols(output.parameters)
     outputs = crossing.values(x, column(b.values()))
     by_name = {quantity.name: outputs[row] for row, quantity in enumerate(crossing.quantities)}
-    if twice := by_name.keys() & {quantity.name for quantity in sight.quantities}:
-        raise ValueError(f"{sight.name} sees {', '.join(sorted(twice))}, which is seen at every crossing")
-    values = column([*outputs.elements(), *sight.values(by_name, {**b, **own})])
+    if twice := by_name.keys() & {quantity.name for quantity in output.quantities}:
+        raise ValueError(f"{output.name} outputs {', '.join(sorted(twice))}, which every crossing has")
+    values = column([*outputs.elements(), *output.values(by_name, {**b, **own})])
     return Observation(
-        name=f"{crossing.name} and {sight.name}",
-        quantities=(*crossing.quantities, *sight.quantities),
-        parameters=(*crossing.parameters, *sight.parameters),
+        name=f"{crossing.name} and {output.name}",
+        quantities=(*crossing.quantities, *output.quantities),
+        parameters=(*crossing.parameters, *output.parameters),
         values=ca.Function("seen", [x, column([*b.values(), *own.values()])], [values], {"cse": True}),
     )
 

@@ -229,7 +229,7 @@ class Element(ABC):
         """Return the conditions of its passing when planned along an axis, as ranges by name.
 
         The ranges are of states, of the quantities of a crossing (`CrossingValues` in
-        `airrace.model.dynamics.observations`) and of those of its sight.
+        `airrace.model.dynamics.observations`) and of those of its output.
         """
 
     @abstractmethod
@@ -237,13 +237,13 @@ class Element(ABC):
         """Return the frame of its passing when planned along an axis with a bank, by an aircraft of a wing span."""
 
     @property
-    def sight(self) -> GateOutput | None:
-        """What it observes besides the quantities of a crossing; None for nothing."""
+    def output(self) -> GateOutput | None:
+        """Its quantities besides those of every crossing; None for no more."""
         return None
 
     @property
-    def sight_values(self) -> tuple[float, ...]:
-        """The values of its sight's parameters."""
+    def output_values(self) -> tuple[float, ...]:
+        """The values of its output's parameters."""
         return ()
 
     def parameters(self) -> Sequence[Parameter[Any]]:

@@ -42,27 +42,27 @@ def searching_conflicts(session: SolverSession, budget: Budget) -> Generator[Sol
 
 
 class ConflictProgress(Progress):
-    """A progress of the search for conflicts, which tells how much of its budget is spent.
+    """The progress of the search for conflicts, with the share of its budget that is spent.
 
     Args:
-        watched: takes what is told.
+        progress: receives the reports.
         budget: of the search.
     """
 
-    def __init__(self, watched: Progress, budget: Budget) -> None:
-        self._watched, self._budget = watched, budget
+    def __init__(self, progress: Progress, budget: Budget) -> None:
+        self._progress, self._budget = progress, budget
 
     def stage_started(self, stage: Stage) -> None:
-        self._watched.stage_started(stage)
+        self._progress.stage_started(stage)
 
     def activity(self, text: str, done: int, total: int) -> None:
         spent, work = self._budget.spent, self._budget.work
         share = f"{min(100.0, 100.0 * spent / work):.0f} % of the budget spent"
-        told = f"no flight found; searching for the limits in conflict ({share}): {text}"
-        self._watched.activity(told, min(spent, int(work)), int(work))
+        message = f"no flight found; searching for the limits in conflict ({share}): {text}"
+        self._progress.activity(message, min(spent, int(work)), int(work))
 
     def iteration(self, iteration: Iteration) -> None:
-        self._watched.iteration(iteration)
+        self._progress.iteration(iteration)
 
     def stage_finished(self, result: StageResult) -> None:
-        self._watched.stage_finished(result)
+        self._progress.stage_finished(result)

@@ -1,4 +1,4 @@
-"""The conflicts of a race for which no flight was found: what has to give way, by how much, and what else would do.
+"""The conflicts of a race for which no flight was found, and the parameters that resolve each of them.
 
 All parameters are relaxed together first, each by as many usual steps. The multipliers of that solution attribute the
 relaxation to parameters, and the steps of all together divided by its share estimate how far each would have to give
@@ -29,12 +29,12 @@ from airrace.procedure.stage_problem import Mesh, StageProblem, with_passages, w
 from airrace.race import Race
 
 CONFLICTS_MAX = 4
-"""The most conflicts that are looked for."""
+"""The largest number of conflicts."""
 MILDER_STEPS = 4.0
 """The usual steps by which all parameters give way in the race whose plan is a second route. Where an angle of crossing
 is too small, the plan loops; with a larger one it goes straight."""
 PLAIN_STEPS = 0.1
-"""Relaxation of all from which it is plain that a route has no flight."""
+"""The relaxation from which on a route is infeasible beyond doubt, in steps."""
 ESTIMATE_RATIO_MAX = 12.0
 """Factor on the least estimate of a kind above which a parameter is not relaxed alone. Those that helped on courses
 spoilt by one limit each were estimated at up to 6 times the least of them."""
@@ -72,7 +72,7 @@ class RepairKind:
     suggested_max: int
 
     def includes(self, parameter: Parameter[Race]) -> bool:
-        """Tell whether a parameter is of this kind."""
+        """Return whether a parameter is of this kind."""
         return parameter.key.startswith("aircraft.") is self.of_aircraft
 
 
@@ -110,30 +110,30 @@ class Repair:
 class RelaxedRoutes:
     """A race relaxed along its plan, then along the plan of a milder race.
 
-    Each is solved for when it is first asked for, in the budget of all that is solved for the conflicts of the race. A
+    Each is solved on demand, within the budget of the search for conflicts. A
     race with limits of a pilot is relaxed without them first, and from there with them: from its guess, the half Cuban
     eight with a ceiling of 100 m and a floor of 10 or 30 m was not relaxed.
 
     Attributes:
-        budget: of all that is solved.
-        without_pilot: the race relaxed without the limits of a pilot, as far as asked for; empty where there are none.
+        budget: of the search for conflicts.
+        without_pilot: the race relaxed without the limits of a pilot, as far as solved; empty without such limits.
     """
 
     def __init__(self, race: Race, flight: StageProblem, settings: MeshSettings) -> None:
         self.budget = conflict_budget(flight.plan, settings)
         self._race, self._parameters = race, relaxable_parameters(race)
         self.without_pilot: list[Relaxed | None] = []
-        self._found: list[Relaxed | None] = []
-        self._coming = self._starts(flight, settings)
+        self._solved: list[Relaxed | None] = []
+        self._remaining = self._starts(flight, settings)
 
     def solve(self, session: SolverSession) -> Iterator[Relaxed | None]:
-        """Yield the race relaxed along one plan after the other; None where that is not found.
+        """Yield the race relaxed along one plan after the other; None where that fails.
 
         Args:
-            session: solves what was not asked for before.
+            session: solves what has not been solved before.
         """
-        yield from tuple(self._found)
-        for flight, mesh, start in self._coming:
+        yield from tuple(self._solved)
+        for flight, mesh, start in self._remaining:
             with searching_conflicts(session, self.budget) as searching:
                 steps = 1.0
                 if self._race.course.rules.pilot != PilotLimits():
@@ -142,7 +142,7 @@ class RelaxedRoutes:
                         start, steps = free.flight, max(steps, free.steps)
                 solver = ElasticSolver(self._race, flight, mesh)
                 relaxed = solver.solve_all(searching, self._race, self._parameters, start, steps)
-            self._found.append(relaxed)
+            self._solved.append(relaxed)
             yield relaxed
 
     def _without_pilot(
@@ -168,7 +168,7 @@ class RelaxedRoutes:
 
 
 def conflict_location(routes: Iterable[Relaxed | None]) -> str:
-    """Return the place of a conflict that is plain on every route; empty if there is none."""
+    """Return the location of a conflict that is certain on every route; empty if there is none."""
     where = ""
     for route in routes:
         if route is None or route.steps < PLAIN_STEPS:
@@ -179,7 +179,7 @@ def conflict_location(routes: Iterable[Relaxed | None]) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Conflict:
-    """A place at which limits contradict each other, and what would resolve that, the least change first."""
+    """A place at which limits contradict each other, and its repairs, the least change first."""
 
     where: str
     repairs: Sequence[Repair]
@@ -203,8 +203,8 @@ class ConflictSearch:
 
     def conflicts(self, routes: Iterable[Relaxed | None]) -> Iterator[Conflict]:
         """Yield the conflicts on the route with the least relaxation."""
-        found = [one for one in routes if one is not None]
-        race, relaxed = self.race, min(found, key=lambda one: one.steps, default=None)
+        relaxations = [relaxation for relaxation in routes if relaxation is not None]
+        race, relaxed = self.race, min(relaxations, key=lambda relaxation: relaxation.steps, default=None)
         for _ in range(CONFLICTS_MAX):
             if relaxed is None or self._needs_nothing(race, relaxed):
                 return
@@ -229,15 +229,15 @@ class ConflictSearch:
             share = relaxed.solver.attribution(race, parameter, relaxed)
             if share > SHARE_MIN and relaxed.steps / share <= ESTIMATE_SLACK * parameter.steps_max:
                 possible.append((relaxed.steps / share, parameter))
-        possible.sort(key=lambda one: (one[0], one[1].key))
+        possible.sort(key=lambda estimate: (estimate[0], estimate[1].key))
         repairs: list[Repair] = []
         for kind in KINDS:
-            own = [one for one in possible if kind.includes(one[1])][: kind.single_max]
-            likely = [one for one in own if one[0] <= ESTIMATE_RATIO_MAX * own[0][0]]
+            own = [estimate for estimate in possible if kind.includes(estimate[1])][: kind.single_max]
+            likely = [estimate for estimate in own if estimate[0] <= ESTIMATE_RATIO_MAX * own[0][0]]
             repairs += itertools.islice(self._relax_singly(race, likely, relaxed), kind.suggested_max)
             if self.flight is not None:
                 break
-        return sorted(repairs, key=lambda one: one.rank)
+        return sorted(repairs, key=lambda repair: repair.rank)
 
     def _relax_singly(
         self, race: Race, estimates: Sequence[tuple[float, Parameter[Race]]], near: Relaxed
@@ -251,7 +251,7 @@ class ConflictSearch:
                 yield Repair(parameter, relaxed)
 
     def _needs_nothing(self, race: Race, relaxed: Relaxed) -> bool:
-        """Tell whether a race needs no relaxation after all; the race as it is given is then solved."""
+        """Return whether a race needs no relaxation after all; the original race is then solved."""
         if relaxed.is_needed:
             return False
         if race is self.race and self.flight is None:
@@ -261,7 +261,9 @@ class ConflictSearch:
 
 def _free_other_places(race: Race, parameters: Sequence[Parameter[Race]], relaxed: Relaxed, share_min: float) -> Race:
     """Return the race without the local limits whose attribution is less than a share of the largest."""
-    local = [(relaxed.solver.attribution(race, one, relaxed), one) for one in parameters if one.local]
+    local = [
+        (relaxed.solver.attribution(race, parameter, relaxed), parameter) for parameter in parameters if parameter.local
+    ]
     most = max((share for share, _ in local), default=0.0)
     for share, parameter in local:
         if share < share_min * most:

@@ -1,7 +1,7 @@
 """The diagnosis of a race for which no flight was found: its conflicts, and changes that resolve them.
 
-It is asked for once all starts of a stage have failed, with all solvers. Every suggestion is solved on the whole race
-before it is reported; a race that turns out to have a flight after all is solved.
+It runs once all starts of a stage have failed with all solvers. Every suggestion is solved on the whole race before it
+is reported; a race that turns out to be feasible is solved.
 """
 
 import dataclasses
@@ -37,7 +37,7 @@ from airrace.race import Race
 TRIAL_ITERATIONS_MAX = 150
 """The iterations of a trial's solve; the flights of trials that were certified took 4 to 105 on each mesh."""
 TRIAL_WORK = 300
-"""The work of a trial: so many iterations on its first mesh. Certifying whatever flies took minutes on courses in a
+"""The work of a trial: so many iterations on its first mesh. Certifying every flight took minutes on courses in a
 narrow corridor: 1646 intervals on the fourth mesh."""
 CONFLICT_WORK_MAX = 4.0
 """The work of a conflict's trials, in that of one trial, after which none is repeated with a larger margin. Without a
@@ -49,14 +49,14 @@ TIGHTENING_WORK = 2.0
 def diagnose_infeasibility(
     result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes | None = None
 ) -> StageResult:
-    """Return a stage without a flight with what stands in the way; or the flight, if there is one after all.
+    """Return an infeasible stage with its diagnosis; or the flight, if there is one after all.
 
     Args:
         result: of the stage, without a flight.
         race: the infeasible one.
         flight: the race as it was planned, in the equations of the stage.
         session: solves.
-        routes: the race with all limits relaxed, where that was asked for before.
+        routes: the race with all limits relaxed; None if that was not solved before.
     """
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
@@ -77,9 +77,9 @@ def diagnose_infeasibility(
 def _diagnose(
     result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes
 ) -> StageResult | tuple[str, tuple[SuggestedChange, ...]]:
-    """Return the flight, if there is one after all; else what stands in the way, in words, and what would resolve it.
+    """Return the flight, if there is one after all; else the conflicts in words, and the changes that resolve them.
 
-    The words are empty where nothing was found out.
+    The text is empty without a conflict.
     """
     with searching_conflicts(session, routes.budget) as searching:
         trials = Trials(searching, race, flight.stage)
@@ -89,20 +89,20 @@ def _diagnose(
             return dataclasses.replace(search.flight, search=result.search)
         changes: list[SuggestedChange] = []
         for number, conflict in enumerate(conflicts, start=1):
-            others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
-            valid = validate(race, trials.fly, conflict.repairs, others)
-            valid[:1] = [tighten(race, trials.fly, one, others) for one in valid[:1]]
-            nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
-            changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
+            other_repairs = [other.repairs[0] for other in conflicts if other is not conflict and other.repairs]
+            valid = validate(race, trials.fly, conflict.repairs, other_repairs)
+            valid[:1] = [tighten(race, trials.fly, trial, other_repairs) for trial in valid[:1]]
+            unresolved = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
+            changes += [trial.suggested_change(number, conflict.where) for trial in valid] or [unresolved]
     message = describe_conflicts(changes)
-    is_resolved = any(one.text for one in changes)
+    is_resolved = any(change.text for change in changes)
     if not is_resolved:
         problem, end = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
         limit = diagnose_window(session, problem, end, end, "")
         message = None if limit is None else "; ".join(text for text in (message, limit) if text)
     elif session.settings.search is SearchEffort.OFF:
         message = f"{message}; other routes were not tried (--search quick tries them)"
-    of_pilot = any(one.key.startswith("rules.pilot.") for one in changes) or not is_resolved
+    of_pilot = any(change.key.startswith("rules.pilot.") for change in changes) or not is_resolved
     # Where other limits contradict each other without the pilot's as well, the pilot's are not to blame.
     if message is not None and of_pilot and routes.without_pilot and not conflict_location(routes.without_pilot):
         message = f"{message}; or without the pilot's limits (rules.pilot=none), which was not tried"
@@ -112,12 +112,12 @@ def _diagnose(
 
 
 def describe_conflicts(changes: Sequence[SuggestedChange]) -> str:
-    """Return what stands in the way and what would resolve it, as a sentence without a full stop."""
-    conflicts = [list(group) for _, group in itertools.groupby(changes, key=lambda one: one.conflict)]
+    """Return the conflicts and the changes that resolve them as a sentence without a full stop."""
+    conflicts = [list(group) for _, group in itertools.groupby(changes, key=lambda change: change.conflict)]
     return "; and ".join(_describe_conflict(*group) for group in conflicts)
 
 
-def _describe_conflict(first: SuggestedChange, *others: SuggestedChange) -> str:
+def _describe_conflict(first: SuggestedChange, *alternatives: SuggestedChange) -> str:
     if not first.text:
         return f"the limits contradict each other at {first.where}, and no single number was found that resolves it"
 
@@ -138,12 +138,12 @@ def _describe_conflict(first: SuggestedChange, *others: SuggestedChange) -> str:
         least = f"it takes {needed}{key}, for with {failed} none was found"
     else:
         least = f"{flight}; with {failed} none was found"
-    repairs = [
-        f"{one.text} of {amount(one.needed, one)} instead of {amount(one.given, one)}{how_to_set(one)}"
-        for one in others
-    ]
-    given = f"{first.where} cannot be {verb} with {first.text} of {amount(first.given, first)}: "
-    return given + "; or ".join([least, *repairs])
+    repairs: list[str] = []
+    for change in alternatives:
+        instead = f"instead of {amount(change.given, change)}{how_to_set(change)}"
+        repairs.append(f"{change.text} of {amount(change.needed, change)} {instead}")
+    conflict = f"{first.where} cannot be {verb} with {first.text} of {amount(first.given, first)}: "
+    return conflict + "; or ".join([least, *repairs])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,11 +151,11 @@ class TrialFlight:
     """The flight of a race with a repair.
 
     Attributes:
-        race_time: s; None if none was found.
+        race_time: s; None without a flight.
         certified: whether it is certified.
-        work: how much of what a trial may take (1) it took.
-        guess: the flight on a mesh, to go on from; None if none was found.
-        was_tried: whether the race was tried to the end; else, without a flight, nothing is known of it.
+        work: share of the work of one trial that was spent (1).
+        guess: the flight on a mesh, as a warm start; None without one.
+        was_tried: whether the solve ran to its end; else the lack of a flight says nothing.
     """
 
     race_time: float | None
@@ -169,16 +169,16 @@ NOT_TRIED = TrialFlight(None, certified=False, work=0.0, was_tried=False)
 
 
 def certify(session: SolverSession, race: Race, near: Relaxed) -> StageResult | None:
-    """Return a certified flight of a race as it is; None if none is found near a relaxed one."""
-    found = solve_certified(session, _start_near(race, near), session.settings.solver.primary)
-    return found if isinstance(found, StageResult) and found.certified else None
+    """Return a certified flight of an unchanged race near a relaxed one, or None."""
+    result = solve_certified(session, _start_near(race, near), session.settings.solver.primary)
+    return result if isinstance(result, StageResult) and result.certified else None
 
 
 @dataclasses.dataclass(frozen=True)
 class Trials:
-    """Trials of races with other numbers: near a relaxed flight, else from their own plans; or on from a flight.
+    """Trials of races with other numbers, from a relaxed flight, else from their own plans, or from an earlier trial.
 
-    Each has a budget of its own, and all of them that of the session.
+    Each has its own budget within that of the session.
     """
 
     session: SolverSession
@@ -191,7 +191,7 @@ class Trials:
         Args:
             race: with other numbers.
             near: the relaxed flight.
-            before: one of almost the same numbers, to go on from where it was found.
+            before: a flight with almost the same numbers, the warm start if it has one.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
@@ -210,19 +210,24 @@ class Trials:
         settings, whole = self.session.settings, self.session.budget
         limit = min(settings.solver.iterations_max, TRIAL_ITERATIONS_MAX)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        own, left = TRIAL_WORK * float(max(start.problem.intervals, INTERVALS_MIN)), whole.work - whole.spent
-        if left <= 0.0:
+        trial_work, remaining = (
+            TRIAL_WORK * float(max(start.problem.intervals, INTERVALS_MIN)),
+            whole.work - whole.spent,
+        )
+        if remaining <= 0.0:
             return NOT_TRIED
-        budget = Budget(min(own, left), failed_only=False)
+        budget = Budget(min(trial_work, remaining), failed_only=False)
         with limited_session(self.session, budget, settings) as session:
-            found = solve_certified(session, start, settings.solver.primary)
+            outcome = solve_certified(session, start, settings.solver.primary)
         whole.spent += budget.spent
-        work = budget.spent / own
-        if isinstance(found, StageResult):
-            return TrialFlight(found.trajectory.race_time, found.certified, work, coarse_mesh(found))
-        if found.coarser is None:
-            return TrialFlight(None, certified=False, work=work, was_tried=left >= own or not budget.exhausted)
-        optimum = found.coarser
+        work = budget.spent / trial_work
+        if isinstance(outcome, StageResult):
+            return TrialFlight(outcome.trajectory.race_time, outcome.certified, work, coarse_mesh(outcome))
+        if outcome.coarser is None:
+            return TrialFlight(
+                None, certified=False, work=work, was_tried=remaining >= trial_work or not budget.exhausted
+            )
+        optimum = outcome.coarser
         return TrialFlight(optimum.race_time, certified=False, work=work, guess=(optimum.problem.mesh, optimum.iterate))
 
 
@@ -231,23 +236,23 @@ def _start_near(race: Race, near: Relaxed) -> Start:
     return Start(flight, flight.problem(near.solver.mesh), near.flight, InitialBarrier.PIECES)
 
 
-def _start_on(race: Race, near: Relaxed, mesh: Mesh, flown: Iterate) -> Start:
+def _start_on(race: Race, near: Relaxed, mesh: Mesh, iterate: Iterate) -> Start:
     """Return a start from a flight of almost the same race, on a mesh as fine as that of the relaxed one."""
     flight = near.solver.flight(race)
-    coarse, iterate = resample(mesh, flown, [len(phase) for phase in near.solver.mesh])
+    coarse, iterate = resample(mesh, iterate, [len(phase) for phase in near.solver.mesh])
     return Start(flight, flight.problem(coarse), iterate, InitialBarrier.PIECES)
 
 
 @dataclasses.dataclass(frozen=True)
 class RepairTrial:
-    """A repair that was tried with some value.
+    """A trial of a repair with some value.
 
     Attributes:
-        repair: which one.
-        value: with which it was tried.
-        flight: what came of it.
-        failed: the mildest value with which it was tried as well and no flight was certified; infinite without one.
-        failed_flies: whether a flight was found with that.
+        repair: the repair.
+        value: of its parameter.
+        flight: the outcome.
+        failed: the mildest value without a certified flight; infinite without one.
+        failed_flies: whether that value gave a flight.
     """
 
     repair: Repair
@@ -257,7 +262,7 @@ class RepairTrial:
     failed_flies: bool = False
 
     def suggested_change(self, number: int, where: str) -> SuggestedChange:
-        """Return it as a suggested change of a conflict with a number and a place."""
+        """Return the trial as a suggested change for a conflict with a number and a place."""
         parameter, value, time = self.repair.parameter, self.value, self.flight.race_time
         assert time is not None  # else it is no suggested change
         key = parameter.key if value >= parameter.bounds.lower else ""
@@ -278,7 +283,7 @@ class RepairTrial:
         )
 
     def after_failing(self, before: "RepairTrial") -> "RepairTrial":
-        """Return it, after one with a stricter value that was not certified; what was not tried has not failed."""
+        """Return the trial with the failure of a stricter one before it; a trial that was not run has not failed."""
         if not before.flight.was_tried:
             return self
         flies = before.flight.race_time is not None
@@ -289,21 +294,23 @@ Fly = Callable[[Race, Relaxed, TrialFlight], TrialFlight]
 """(race, near, before) -> flight: flies a whole race, from its plan, near a relaxed flight, or on from one before."""
 
 
-def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[Repair] = ()) -> list[RepairTrial]:
-    """Return the repairs of one conflict that flew, those that were certified first.
+def validate(
+    race: Race, fly: Fly, repairs: Sequence[Repair], other_repairs: Sequence[Repair] = ()
+) -> list[RepairTrial]:
+    """Return the trials of one conflict that gave a flight, the certified ones first.
 
     All are tried with the least margin before any is tried with larger ones. Where none is certified, the largest value
-    that flew is reported, for it is the likeliest to be certified in the end.
+    with a flight is reported, as the likeliest to be certified.
 
     Args:
         race: without a flight.
         fly: flies a race with a repair.
         repairs: the least change first.
-        others: the first repairs of the other conflicts, which are made meanwhile.
+        other_repairs: the first repair of each other conflict, applied as well.
     """
 
     def attempt(repair: Repair, margin: int, before: TrialFlight = NOT_TRIED) -> RepairTrial:
-        return _attempt(race, fly, repair, repair.value(margin), others, before)
+        return _attempt(race, fly, repair, repair.value(margin), other_repairs, before)
 
     trials: list[RepairTrial] = []
     for kind in KINDS:
@@ -312,25 +319,25 @@ def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[R
             if kind.includes(repair.parameter) and flying < kind.suggested_max:
                 trials.append(attempt(repair, 0))
                 flying += trials[-1].flight.race_time is not None
-    work = sum(one.flight.work for one in trials)
-    certified = any(one.flight.certified for one in trials)
-    found: list[RepairTrial] = []
-    for one in trials:
-        last = latest = one
+    work = sum(trial.flight.work for trial in trials)
+    certified = any(trial.flight.certified for trial in trials)
+    flying_trials: list[RepairTrial] = []
+    for trial in trials:
+        last = latest = trial
         for margin in range(1, len(MARGINS)):
-            if last.flight.certified or (work > CONFLICT_WORK_MAX and (certified or one is not trials[0])):
+            if last.flight.certified or (work > CONFLICT_WORK_MAX and (certified or trial is not trials[0])):
                 break
-            milder = attempt(one.repair, margin, last.flight).after_failing(latest)
+            milder = attempt(trial.repair, margin, last.flight).after_failing(latest)
             work += milder.flight.work
             last = last if milder.flight.race_time is None else milder
             latest = milder if milder.flight.was_tried else latest
         certified = certified or last.flight.certified
         if last.flight.race_time is not None:
-            found.append(last)
-    return sorted(found, key=lambda one: not one.flight.certified)
+            flying_trials.append(last)
+    return sorted(flying_trials, key=lambda trial: not trial.flight.certified)
 
 
-def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] = ()) -> RepairTrial:
+def tighten(race: Race, fly: Fly, trial: RepairTrial, other_repairs: Sequence[Repair] = ()) -> RepairTrial:
     """Return a repair with the least value that is certified when it is tightened step by step from a flight.
 
     The value is halved between one that is certified and one that is not, until no rounded value lies between them,
@@ -340,8 +347,8 @@ def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] =
     Args:
         race: without a flight.
         fly: flies a race with a repair.
-        trial: a repair that was tried; where it is not certified, it is returned as it is.
-        others: the first repairs of the other conflicts, which are made meanwhile.
+        trial: of the repair; returned unchanged if it is not certified.
+        other_repairs: the first repair of each other conflict, applied as well.
     """
     if not trial.flight.certified:
         return trial
@@ -354,7 +361,7 @@ def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] =
             if tried or least == parameter.value:
                 break
             value = least
-        stricter = _attempt(race, fly, trial.repair, value, others, best.flight)
+        stricter = _attempt(race, fly, trial.repair, value, other_repairs, best.flight)
         work += stricter.flight.work
         if not stricter.flight.was_tried:
             break
@@ -362,18 +369,18 @@ def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] =
             least, tried, best = value, True, best.after_failing(stricter)
         else:
             best = dataclasses.replace(best, value=value, flight=stricter.flight)
-            if value == least:  # what was relaxed on a coarse mesh gave way too far
+            if value == least:  # the relaxation on a coarse mesh was too large
                 least = parameter.round_stricter(0.5 * (least + parameter.value))
     return best
 
 
 def _attempt(
-    race: Race, fly: Fly, repair: Repair, value: float, others: Sequence[Repair], before: TrialFlight
+    race: Race, fly: Fly, repair: Repair, value: float, other_repairs: Sequence[Repair], before: TrialFlight
 ) -> RepairTrial:
     """Return a repair tried with a value, after another trial and with other repairs made."""
     changed = repair.parameter.set(race, value)
-    for other in others:
-        changed = other.apply(changed)
+    for other_repair in other_repairs:
+        changed = other_repair.apply(changed)
     try:
         return RepairTrial(repair, value, fly(changed, repair.relaxed, before))
     except InputError:  # the inputs do not allow this value

@@ -1,8 +1,8 @@
 """Elastic problems: the least relaxation of all parameters of a race at once, or of one, and which of them help.
 
 A race is stated along one plan and on one mesh, with its numbers and with milder ones; the problem between the two is
-solved for the least relaxation (`airrace.optimal_control.elastic`). The multipliers of its limits tell what a usual
-step of each parameter would save.
+solved for the least relaxation (`airrace.optimal_control.elastic`). The multipliers of its limits are the savings of
+a usual step of each parameter, to first order.
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ from airrace.race import Race
 
 OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.05, curvature=False)
 """A guess that keeps everything but the gaps needs no line search at first, with which two crowds took 300 iterations
-instead of 52 and were not told apart."""
+instead of 52 and were not distinguished."""
 
 
 WEIGHT = 100.0
@@ -60,12 +60,12 @@ class Relaxed:
     """A flight with limits that have given way.
 
     Attributes:
-        solver: what relaxed them.
+        solver: that relaxed them.
         flight: on the mesh that was solved on.
         steps: how far they gave way, in steps from the numbers as they are to the milder ones.
         multipliers: of limits, by owner and name.
         along: those of path quantities node by node, by name; each of shape (N + 1,).
-        costates: what the relaxation would be more with one unit more of each state, shape (n_x, N).
+        costates: derivatives of the relaxation with respect to each state, shape (n_x, N).
         places: the attribution of each phase or boundary, by its name. The start is none of them: where only a faster
             one would do, what is infeasible comes later.
     """
@@ -141,7 +141,7 @@ class ElasticSolver:
         return self._solve(session, race, milder, start, purpose, most, parameter.steps_max)
 
     def attribution(self, race: Race, parameter: Parameter[Race], at: Relaxed) -> float:
-        """Return what a usual step of a parameter would save, in steps of all parameters together."""
+        """Return the first-order saving of a usual step of a parameter, in steps of all parameters together."""
         nominal = self._perturbed.problem(race)
         change = difference(nominal, self._perturbed.problem(parameter.set(race, parameter.milder)))
         return _saving(change, nominal, at) / WEIGHT
@@ -170,7 +170,7 @@ class ElasticSolver:
     def _relaxed(self, problem: Problem, solution: Solution, nominal: Problem, milder: Problem) -> Relaxed:
         """Return the relaxed flight with the multipliers of its limits and the attribution of each place."""
         layout, lam = Layout(problem), solution.multipliers.constraints
-        owners = {id(one.bounds): owner for owner, one in _observers(problem)}
+        owners = {id(observer.bounds): owner for owner, observer in _observers(problem)}
         amounts = _amounts(problem)
         multipliers: dict[tuple[Owner, str], float] = {}
         along: dict[str, Array] = {}
@@ -188,46 +188,46 @@ class ElasticSolver:
             at = layout.output_samples[row.source].name if owner[0] == "boundary" else phase.name
             places[at] = places.get(at, 0.0) + abs(multiplier * amounts.get((owner, name), 0.0))
         flight, steps = project(solution.iterate)
-        found = Relaxed(self, flight, steps, multipliers, along, costates(layout, lam)[:-1], {})
-        for name, cost in _costs_at_nodes(difference(nominal, milder), nominal, found):
+        relaxation = Relaxed(self, flight, steps, multipliers, along, costates(layout, lam)[:-1], {})
+        for name, cost in _costs_at_nodes(difference(nominal, milder), nominal, relaxation):
             places[name] = places.get(name, 0.0) + abs(cost)
         places.pop(nominal.start.name, None)
-        return dataclasses.replace(found, places={name: share for name, share in places.items() if share > 0.0})
+        return dataclasses.replace(relaxation, places={name: share for name, share in places.items() if share > 0.0})
 
 
 def _with_small_objective(problem: Problem) -> Problem:
     """Return a problem in which race time hardly counts beside the relaxation."""
     weight, own = ORIGINAL_WEIGHT, problem.objective
-    regularisation = {name: weight * each for name, each in own.regularisation.items()}
+    regularisation = {name: weight * scale for name, scale in own.regularisation.items()}
     return dataclasses.replace(problem, objective=Objective(time=weight * own.time, regularisation=regularisation))
 
 
 def _observers(problem: Problem) -> Iterator[tuple[Owner, Boundary | PathConstraint]]:
-    """Yield all boundaries and watches by what they are called as owners of limits."""
+    """Yield all boundaries and path constraints with their keys as owners of limits."""
     yield from boundaries_of(problem)
     for index, phase in enumerate(problem.phases):
-        for number, watch in enumerate(phase.watches):
-            yield ("watch", index, number), watch
+        for number, constraint in enumerate(phase.path_constraints):
+            yield ("path constraint", index, number), constraint
 
 
 def _amounts(problem: Problem) -> dict[tuple[Owner, str], float]:
     """Return by how much each limit of an elastic problem gives way in a step, by owner and name."""
     parts = [(PATH, problem.system.parameters, problem.parameters)]
     parts += [
-        (owner, one.observation.parameters, one.values)
-        for owner, one in _observers(problem)
-        if one.observation is not None
+        (owner, observer.observation.parameters, observer.values)
+        for owner, observer in _observers(problem)
+        if observer.observation is not None
     ]
     return {
-        (owner, one.name.removeprefix("d_")): value
+        (owner, quantity.name.removeprefix("d_")): value
         for owner, declared, values in parts
-        for one, value in zip(declared, values, strict=True)
-        if one.name.endswith((AT_MOST, AT_LEAST))
+        for quantity, value in zip(declared, values, strict=True)
+        if quantity.name.endswith((AT_MOST, AT_LEAST))
     }
 
 
 def _saving(change: Moves, nominal: Problem, at: Relaxed) -> float:
-    """Return what a change of numbers would save: of limits, of what boundaries observe, and in the equations."""
+    """Return the first-order saving of a change of numbers: in limits, outputs of boundaries and equations."""
     saving = 0.0
     for owner, shifts in change.ranges.items():
         for name, shift in shifts.items():
@@ -241,43 +241,41 @@ def _saving(change: Moves, nominal: Problem, at: Relaxed) -> float:
 
 
 def _costs_at_nodes(change: Moves, nominal: Problem, at: Relaxed) -> Iterator[tuple[str, float]]:
-    """Yield the multipliers' sum over what a change of their parameters does to what is observed at single nodes, with
-    the name of the passing or of the leg.
-    """
-    for owner, one in _observers(nominal):
-        step, observation = change.values.get(owner), one.observation
+    """Yield the cost of a change of parameters in the outputs at single nodes, with the name of the passage or leg."""
+    for owner, observer in _observers(nominal):
+        step, observation = change.values.get(owner), observer.observation
         if step is None or observation is None:
             continue
-        node, name = nominal.first_node[owner[1]], one.name
-        if isinstance(one, PathConstraint):
-            if one.at is None:
+        node, name = nominal.first_node[owner[1]], observer.name
+        if isinstance(observer, PathConstraint):
+            if observer.at is None:
                 continue
             phase = nominal.phases[owner[1]]
-            node, name = node + phase.nearest_node(one.at), phase.name
-        state, b = at.flight.state[:, node], np.asarray(one.values)
+            node, name = node + phase.nearest_node(observer.at), phase.name
+        state, b = at.flight.state[:, node], np.asarray(observer.values)
         values = np.asarray(observation.values(state, b + step) - observation.values(state, b)).ravel().tolist()
         costs = (
-            at.multipliers.get((owner, f"{seen.name}{end}"), 0.0) * value
-            for seen, value in zip(observation.quantities, values, strict=True)
+            at.multipliers.get((owner, f"{quantity.name}{end}"), 0.0) * value
+            for quantity, value in zip(observation.quantities, values, strict=True)
             for end in ("", AT_MOST, AT_LEAST)
         )
         yield name, sum(costs)
 
 
 def _cost_in_equations(change: Array, nominal: Problem, at: Relaxed) -> float:
-    """Return what the relaxation would be more, to first order, with other parameters in the equations of flight."""
+    """Return the increase of the relaxation, to first order, with other parameters in the equations of flight."""
     system, intervals = nominal.system, nominal.intervals
     before = np.repeat(np.asarray(nominal.parameters)[:, None], intervals, axis=1)
     after = before + change[:, None]
     state, control = at.flight.state[:, 1:], at.flight.control
     rates = system.rates.map(intervals)
     slopes = np.asarray(rates(state, control, after) - rates(state, control, before))
-    more = float(np.sum(at.costates * slopes * interval_durations(nominal, at.flight.durations)))
+    increase = float(np.sum(at.costates * slopes * interval_durations(nominal, at.flight.durations)))
     if system.path_values is not None:
         path = system.path_values.map(intervals)
         values = np.asarray(path(state, control, after) - path(state, control, before))
-        nothing = np.zeros(intervals + 1)
+        zeros = np.zeros(intervals + 1)
         for quantity, row in zip(system.path, values, strict=True):
             for end in (AT_MOST, AT_LEAST):
-                more += float(at.along.get(f"{quantity.name}{end}", nothing)[1:] @ row)
-    return more
+                increase += float(at.along.get(f"{quantity.name}{end}", zeros)[1:] @ row)
+    return increase

@@ -21,13 +21,13 @@ from airrace.procedure.solver_session import SolverSession
 OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1, curvature=False)
 """A feasible flight is enough."""
 FAILING_ITERATIONS = 120
-"""The number of iterations after which the primary solver has failed."""
-CLAIM_ITERATIONS_MAX = 300
-"""The largest number of iterations of a solve that claims that there is no flight: IPOPT took 90 to 260."""
+"""The largest number of iterations of the primary solver."""
+INFEASIBLE_ITERATIONS_MAX = 300
+"""The largest number of iterations of a solve that is to report infeasibility: IPOPT took 90 to 260."""
 REACH = 2
 """The number of legs before and after the infeasible one in a window."""
 WINDOWS_MAX = 4
-"""The number of windows that are looked at, at most: where limits contradict each other on one leg, a solver may leave
+"""The largest number of windows that are solved: where limits contradict each other on one leg, a solver may leave
 the largest gap on another. On a generated course it was four legs away."""
 POSITION = ("along", "right", "height", "x", "y", "z")
 """The names of the conditions on the position."""
@@ -61,21 +61,21 @@ def find_local_infeasibility(
     """Return the infeasibility of the window around a phase; None unless it is confirmed.
 
     The primary solver has to fail from every guess. Then limits have to give way along every plan of the race, or else
-    the fallback has to claim from every guess that there is no flight near; without another solver nobody does. Without
-    a budget to solve anything nothing has failed.
+    the fallback solver, if there is one, has to report local infeasibility from every guess. A solve that runs out of
+    budget has not failed.
 
     Args:
         session: solves.
         problem: of the race.
         phase: that could not be added.
         guesses: of the race.
-        race_is_in_conflict: tells whether limits have to give way along every plan; None where nobody knows.
+        race_is_in_conflict: returns whether limits have to give way along every plan; None if that is not computed.
     """
-    primary, *others = session.solvers
-    if race_is_in_conflict is None and not others:
+    primary, *fallbacks = session.solvers
+    if race_is_in_conflict is None and not fallbacks:
         return None
 
-    options = {solver: dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX) for solver in others}
+    options = {solver: dataclasses.replace(OPTIONS, iterations_max=INFEASIBLE_ITERATIONS_MAX) for solver in fallbacks}
     options[primary] = dataclasses.replace(OPTIONS, iterations_max=FAILING_ITERATIONS)
     worst = ""
     for solver in session.solvers:
@@ -90,13 +90,13 @@ def find_local_infeasibility(
         if solver == primary:
             if race_is_in_conflict is not None and race_is_in_conflict():
                 break
-            if not others:
+            if not fallbacks:
                 return None
     return LocalInfeasibility(problem, guesses[0], phase, worst)
 
 
 def diagnose_window(session: SolverSession, problem: Problem, end: Iterate, guess: Iterate, worst: str) -> str | None:
-    """Return which limit stands in the way, and where; None if all windows that are looked at are feasible as they are.
+    """Return the binding limit and its place as a sentence; None if all windows that are solved are feasible.
 
     Args:
         session: solves.
@@ -108,25 +108,27 @@ def diagnose_window(session: SolverSession, problem: Problem, end: Iterate, gues
     """
     defects = np.nan_to_num(np.abs(replay(problem, end).defect).max(axis=0), nan=-1.0)
     largest = np.maximum.reduceat(defects, problem.first_node[:-1])
-    seen: list[int] = []
+    centres: list[int] = []
     for phase in np.argsort(-largest, kind="stable").tolist():
-        if len(seen) < WINDOWS_MAX and all(abs(phase - one) > REACH for one in seen):
-            seen.append(phase)
+        if len(centres) < WINDOWS_MAX and all(abs(phase - centre) > REACH for centre in centres):
+            centres.append(phase)
             window, start, _ = _window(problem, phase, guess)
             if not _is_feasible(session, window, start, "the legs around it alone"):
                 return binding_limit(session, LocalInfeasibility(problem, guess, phase, worst))
     return None
 
 
-def binding_limit(session: SolverSession, found: LocalInfeasibility) -> str:
+def binding_limit(session: SolverSession, infeasibility: LocalInfeasibility) -> str:
     """Return the sentence of `diagnose_window` for a window that is known to be infeasible."""
-    window, start, first = _window(found.problem, found.phase, found.guess)
-    where = f"the limits contradict each other at {found.problem.phases[found.phase].name}"
-    for what, problem in without_one_limit(window, found.phase - first):
+    window, start, first = _window(infeasibility.problem, infeasibility.phase, infeasibility.guess)
+    where = f"the limits contradict each other at {infeasibility.problem.phases[infeasibility.phase].name}"
+    for what, problem in without_one_limit(window, infeasibility.phase - first):
         session.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
         if _is_feasible(session, problem, start, f"without {what}"):
             return f"{where}; without the limit of {what} there is a flight"
-    return f"{where}; no single limit is to blame" + (f"; most violated: {found.worst}" if found.worst else "")
+    return f"{where}; no single limit is to blame" + (
+        f"; most violated: {infeasibility.worst}" if infeasibility.worst else ""
+    )
 
 
 def _window(problem: Problem, phase: int, guess: Iterate) -> tuple[Problem, Iterate, int]:
@@ -146,17 +148,20 @@ def _is_feasible(session: SolverSession, problem: Problem, guess: Iterate, purpo
 
 
 def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
-    """Yield what a limit is, and the problem without it: lines and crowd, the path, the ends, gates around a phase."""
+    """Yield a limit in words and the problem without it: lines and crowd, path, ends, gates around a phase."""
 
     def with_phase(index: int, changed: Phase) -> Problem:
         phases = (*problem.phases[:index], changed, *problem.phases[index + 1 :])
         return dataclasses.replace(problem, phases=phases)
 
     system, last = problem.system, len(problem.phases) - 1
-    for name in dict.fromkeys(_name(watch) for one in problem.phases for watch in one.watches):
+    for name in dict.fromkeys(_name(constraint) for leg in problem.phases for constraint in leg.path_constraints):
         phases = (
-            dataclasses.replace(one, watches=tuple(watch for watch in one.watches if _name(watch) != name))
-            for one in problem.phases
+            dataclasses.replace(
+                leg,
+                path_constraints=tuple(constraint for constraint in leg.path_constraints if _name(constraint) != name),
+            )
+            for leg in problem.phases
         )
         yield name, dataclasses.replace(problem, phases=tuple(phases))
     for name, text, unit, factor in LIMITS:
@@ -167,9 +172,9 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
                 states, path = _without_limit(system.states, name), _without_limit(system.path, name)
                 free = dataclasses.replace(system, states=states, path=path)
                 yield f"{text} ({f'{allowed} {unit}'.rstrip()})", dataclasses.replace(problem, system=free)
-    begin, *ends = (without_pilot(one) for one in problem.boundaries)
-    if [one.bounds for one in (begin, *ends)] != [one.bounds for one in problem.boundaries]:
-        phases = (dataclasses.replace(one, end=end) for one, end in zip(problem.phases, ends, strict=True))
+    begin, *ends = (without_pilot(boundary) for boundary in problem.boundaries)
+    if [boundary.bounds for boundary in (begin, *ends)] != [boundary.bounds for boundary in problem.boundaries]:
+        phases = (dataclasses.replace(leg, end=end) for leg, end in zip(problem.phases, ends, strict=True))
         free = dataclasses.replace(problem, start=begin, phases=tuple(phases))
         yield "the pilot's limits at gates", free
     start, finish = without_trim(problem.start), without_trim(problem.phases[last].end)
@@ -179,25 +184,26 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
         yield "a settled finish", with_phase(last, dataclasses.replace(problem.phases[last], end=finish))
     for index in (phase, phase - 1):
         if index >= 0:
-            one = problem.phases[index]
-            position = {name: bounds for name, bounds in one.end.bounds.items() if name in POSITION}
-            end = dataclasses.replace(one.end, bounds=position)
+            leg = problem.phases[index]
+            position = {name: bounds for name, bounds in leg.end.bounds.items() if name in POSITION}
+            end = dataclasses.replace(leg.end, bounds=position)
             yield (
-                f"attitude and course at gate {one.end.name}",
-                with_phase(index, dataclasses.replace(one, end=end)),
+                f"attitude and course at gate {leg.end.name}",
+                with_phase(index, dataclasses.replace(leg, end=end)),
             )
 
 
-def _name(watch: PathConstraint) -> str:
-    """Return what a watch is called: those at single nodes all keep clear of pylons."""
-    return watch.name if watch.at is None else "the clearance from pylons in flight"
+def _name(constraint: PathConstraint) -> str:
+    """Return the name of a path constraint; those at single nodes all keep clear of pylons."""
+    return constraint.name if constraint.at is None else "the clearance from pylons in flight"
 
 
 def _without_limit(quantities: Sequence[Quantity], name: str) -> tuple[Quantity, ...]:
     """Return quantities with one of them free along the path; speeds stay positive, which the equations need."""
-    return tuple(
-        dataclasses.replace(one, lower=0.3 * one.lower if one.unit == "m/s" else -math.inf, upper=math.inf)
-        if one.name == name
-        else one
-        for one in quantities
-    )
+    freed: list[Quantity] = []
+    for quantity in quantities:
+        if quantity.name == name:
+            lower = 0.3 * quantity.lower if quantity.unit == "m/s" else -math.inf
+            quantity = dataclasses.replace(quantity, lower=lower, upper=math.inf)
+        freed.append(quantity)
+    return tuple(freed)

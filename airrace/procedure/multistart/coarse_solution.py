@@ -69,7 +69,7 @@ class InitialGuess:
         barrier: the first value of the barrier parameter.
         is_baseline: whether the race would be started like this without a search. It is solved by the same algorithm
             with a larger iteration budget and, as its mesh is a finer one, again from the optimum on that.
-        before: the optimum on another mesh from which it comes, with its multipliers; None if nothing is known.
+        before: the optimum on another mesh from which it comes, with its multipliers; None without one.
     """
 
     flight: StageProblem
@@ -123,51 +123,51 @@ def planned_guess(flight: StageProblem, plan: Plan, barrier: InitialBarrier) -> 
 
 def intervals(seconds: float) -> int:
     """Return the number of intervals of a phase of that duration (s)."""
-    wanted = max(INTERVALS_MIN, seconds / INTERVAL_SECONDS)
-    return min(INTERVAL_QUANTUM * math.ceil(wanted / INTERVAL_QUANTUM), INTERVALS_MAX)
+    count = max(INTERVALS_MIN, seconds / INTERVAL_SECONDS)
+    return min(INTERVAL_QUANTUM * math.ceil(count / INTERVAL_QUANTUM), INTERVALS_MAX)
 
 
 def solve_coarse(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
     """Return the rough optimum; None if there is none within the budget."""
-    found = _solve_with_refinement(service, start)
-    if found is None or not start.is_baseline:
-        return found
-    counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
-    return _solve_with_refinement(service, on_other_mesh(found, counts)) or found
+    coarse = _solve_with_refinement(service, start)
+    if coarse is None or not start.is_baseline:
+        return coarse
+    counts = [intervals(seconds) for seconds in coarse.iterate.durations.tolist()]
+    return _solve_with_refinement(service, on_other_mesh(coarse, counts)) or coarse
 
 
-def on_other_mesh(found: CoarseSolution, counts: Sequence[int]) -> InitialGuess:
+def on_other_mesh(coarse: CoarseSolution, counts: Sequence[int]) -> InitialGuess:
     """Return a rough optimum on another mesh, with so many intervals per phase, to be solved again."""
-    mesh, iterate = resample(found.problem.mesh, found.iterate, counts)
-    return InitialGuess(found.flight, mesh, iterate, InitialBarrier.COARSE, before=found)
+    mesh, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
+    return InitialGuess(coarse.flight, mesh, iterate, InitialBarrier.COARSE, before=coarse)
 
 
 def _solve_with_refinement(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
     mesh, iterate, barrier = list(start.mesh), start.guess, start.barrier
     iterations = BASELINE_ITERATIONS_MAX if start.is_baseline else ITERATIONS_MAX
-    found, before = None, start.before
+    coarse, before = None, start.before
     for _ in range(MESHES_MAX):
         problem = start.flight.problem(mesh)
         solution: Solution | None = None
         if before is not None:
-            known = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
-            solution = try_solve(service, problem, iterate, barrier, KNOWN_ITERATIONS_MAX, known)
+            multipliers = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
+            solution = try_solve(service, problem, iterate, barrier, KNOWN_ITERATIONS_MAX, multipliers)
         if solution is None or not solution.success:
             solution = try_solve(service, problem, iterate, barrier, iterations)
         if solution is None or not solution.success:
-            return found
+            return coarse
         errors = objective_error(problem, solution)
-        found = before = CoarseSolution(start.flight, problem, solution.iterate, solution.multipliers, errors)
+        coarse = before = CoarseSolution(start.flight, problem, solution.iterate, solution.multipliers, errors)
         counts: list[int] = []
-        for phase, seconds, error in zip(mesh, found.iterate.durations.tolist(), errors.tolist(), strict=True):
-            wanted, accurate = intervals(seconds), abs(error) <= ERROR_MAX
-            count = len(phase) if accurate else min(2 * len(phase), INTERVALS_MAX)
-            counts.append(wanted if count < SHARE_MIN * wanted else count)
+        for phase, seconds, error in zip(mesh, coarse.iterate.durations.tolist(), errors.tolist(), strict=True):
+            regular = intervals(seconds)
+            count = len(phase) if abs(error) <= ERROR_MAX else min(2 * len(phase), INTERVALS_MAX)
+            counts.append(regular if count < SHARE_MIN * regular else count)
         if counts == [len(phase) for phase in mesh]:
-            return found
-        mesh, iterate = resample(mesh, found.iterate, counts)
+            return coarse
+        mesh, iterate = resample(mesh, coarse.iterate, counts)
         barrier = InitialBarrier.COARSE
-    return found
+    return coarse
 
 
 def try_solve(
@@ -178,12 +178,10 @@ def try_solve(
     iterations: int = ITERATIONS_MAX,
     multipliers: Multipliers | None = None,
 ) -> Solution | None:
-    """Solve once within a budget of iterations; return None if the solver did not come back.
-
-    Whatever a guess does to the solver, the other solves are not affected.
+    """Solve once within a budget of iterations; return None if the solver crashed or hung.
 
     Raises:
-        SolverEnded: nobody waits for the result any more.
+        SolverEnded: the pool was closed.
     """
     options = SolverOptions(TOLERANCE, iterations, barrier.value, curvature=False)
     stall = STALL_SECONDS

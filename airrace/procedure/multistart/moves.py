@@ -89,29 +89,31 @@ class MoveGenerator:
     def rolls(self, changed: Set[int]) -> Iterator[Move]:
         """Yield each roll from side to side the other way, in windows that hold a phase that has changed."""
         base, nodes = self.base, self.base.problem.first_node
-        flight, steps = (
-            dataclasses.replace(base.flight, plan=self._plan),
-            interval_durations(base.problem, base.iterate.durations),
-        )
+        flight = dataclasses.replace(base.flight, plan=self._plan)
+        steps = interval_durations(base.problem, base.iterate.durations)
         time: list[float] = [0.0, *np.cumsum(steps).tolist()]
-        for one in rerolls(base.problem, base.iterate):
-            inside = [each for each in self.segments if one.first < nodes[each.last] and nodes[each.first] < one.last]
+        for reroll in rerolls(base.problem, base.iterate):
+            inside = [
+                segment
+                for segment in self.segments
+                if reroll.first < nodes[segment.last] and nodes[segment.first] < reroll.last
+            ]
             own, segment = range(inside[0].first, inside[-1].last), inside[0]
-            begin = bisect.bisect_left(time, time[one.first] - one.reach)
-            end = min(bisect.bisect_left(time, time[one.last] + one.reach), len(time) - 1)
+            begin = bisect.bisect_left(time, time[reroll.first] - reroll.reach)
+            end = min(bisect.bisect_left(time, time[reroll.last] + reroll.reach), len(time) - 1)
             first = min(own[0], bisect.bisect_right(nodes[1:-1], begin))
             last = max(own[-1], bisect.bisect_left(nodes[1:-1], end)) + 1
             if changed.isdisjoint(range(first, last)):
                 continue
-            pieces = [phase_piece(one.flight, base.problem, index) for index in range(first, last)]
+            pieces = [phase_piece(reroll.flight, base.problem, index) for index in range(first, last)]
             spare = (self._spare(first, begin - nodes[first]), self._spare(last - 1, nodes[last] - end))
-            yield Move(base, first, last, flight, pieces, segment, one.kind, spare=spare, own=own)
+            yield Move(base, first, last, flight, pieces, segment, reroll.kind, spare=spare, own=own)
 
     def _spare(self, phase: int, count: int) -> int:
         """Return how many of so many intervals at an end of a phase need not be in a window."""
-        whole, counting = len(self.base.problem.phases[phase].fractions), self.base.problem.phases[phase].bounds
-        spare = min(count, whole - FEWEST)
-        return 0 if counting or spare < FEWEST else spare
+        problem_phase = self.base.problem.phases[phase]
+        spare = min(count, len(problem_phase.fractions) - FEWEST)
+        return 0 if problem_phase.bounds or spare < FEWEST else spare
 
     def from_flight(self, other: CoarseSolution, group: Sequence[Segment]) -> Move:
         """Return the route of another flight through neighbouring segments."""
@@ -123,7 +125,7 @@ class MoveGenerator:
 
     def replicate_in_other_laps(self, move: EvaluatedMove, kind: str) -> Iterator[Move]:
         """Yield a faster move for the other laps: wherever the same passages follow one another."""
-        inside = {segment.number: one for one, segment in move.inside(self.segments)}
+        inside = {segment.number: own for own, segment in move.inside(self.segments)}
 
         def is_same_route(number: int, later: int = 0) -> bool:
             return same_route(move.as_solution, inside[number], self.base, self.segments[number + later])
@@ -131,31 +133,34 @@ class MoveGenerator:
         changed = {number for number in inside if not is_same_route(number)}
         for later in range(1 - len(self.segments), len(self.segments)):
             within = [self.segments[number] for number in inside if 0 <= number + later < len(self.segments)]
-            alike = [one for one in within if self._same_place(one, self.segments[one.number + later])]
-            for group in neighbours(alike) if later else ():
-                numbers = changed.intersection(one.number for one in group)
+            same_places = [
+                segment for segment in within if self._same_place(segment, self.segments[segment.number + later])
+            ]
+            for group in neighbours(same_places) if later else ():
+                numbers = changed.intersection(segment.number for segment in group)
                 places = range(min(numbers, default=0), max(numbers, default=-1) + 1)
                 if not all(is_same_route(number, later) for number in places):
                     yield self._translate(move, places, later, f"{kind} in another lap")
 
     def distinct_segments(self) -> list[Segment]:
         """Return the segments; of those that are the same place in several laps by the same route, the first."""
-        found: list[Segment] = []
+        distinct: list[Segment] = []
         for segment in self.segments:
-            known = (one for one in found if self._same_place(one, segment))
-            if not any(same_route(self.base, one, self.base, segment) for one in known):
-                found.append(segment)
-        return found
+            earlier_laps = (earlier for earlier in distinct if self._same_place(earlier, segment))
+            if not any(same_route(self.base, earlier, self.base, segment) for earlier in earlier_laps):
+                distinct.append(segment)
+        return distinct
 
     def _decisions_of(self, flight: CoarseSolution) -> RouteDecisions:
         problem = flight.problem
         return decisions_from_solution(self._course, problem.system.states, flight.iterate.state, problem.first_node)
 
-    def _same_place(self, one: Segment, other: Segment) -> bool:
+    def _same_place(self, first: Segment, second: Segment) -> bool:
         """Return whether two segments lead past the same elements, in the same directions, with the same rolls."""
-        here, there = (self._course.passages[each.first : each.last + 1] for each in (one, other))
-        ends = [[(each.element, each.direction) for each in passages] for passages in (here, there)]
-        return ends[0] == ends[1] and [each.roll for each in here[1:]] == [each.roll for each in there[1:]]
+        a, b = (self._course.passages[segment.first : segment.last + 1] for segment in (first, second))
+        if [(p.element, p.direction) for p in a] != [(p.element, p.direction) for p in b]:
+            return False
+        return [p.roll for p in a[1:]] == [p.roll for p in b[1:]]
 
     def _translate(self, move: EvaluatedMove, numbers: range, later: int, kind: str) -> Move:
         """Return a move in some segments for others past the same elements, so many segments later."""
@@ -184,18 +189,18 @@ class MoveGenerator:
         """Yield the passage at an end of the segment crossed along another axis."""
         if not self._course.passages[index].element.stands:
             return
-        (own,) = self._decisions.ways[index]
+        (own,) = self._decisions.candidates[index]
         by_axis: list[list[Waypoint]] = []
-        for way in candidates(self._course, index):
-            group = next((one for one in by_axis if abs(angle_between(one[0].axis, way.axis)) < 1e-6), None)
+        for candidate in candidates(self._course, index):
+            group = next((g for g in by_axis if abs(angle_between(g[0].axis, candidate.axis)) < 1e-6), None)
             if group is None:
-                by_axis.append([way])
+                by_axis.append([candidate])
             else:
-                group.append(way)
-        for ways in by_axis:
-            if abs(angle_between(ways[0].axis, own.axis)) > 1e-6:
+                group.append(candidate)
+        for along_axis in by_axis:
+            if abs(angle_between(along_axis[0].axis, own.axis)) > 1e-6:
                 free = self._release(index)
-                chosen = dataclasses.replace(free, ways={**free.ways, index: tuple(ways)})
+                chosen = dataclasses.replace(free, candidates={**free.candidates, index: tuple(along_axis)})
                 yield from self._planned_move(segment, chosen, "other direction")
 
     def _other_sides(self, segment: Segment) -> Iterator[Move]:
@@ -203,7 +208,7 @@ class MoveGenerator:
         passage, index, own = self._course.passages[segment.last], segment.last, self._decisions
         if passage.roll is not None and passage.roll.turning is Turning.EITHER:
             rolls = {**own.rolls, index: -own.rolls[index]}
-            chosen = dataclasses.replace(own.without_ways(index), rolls=rolls)
+            chosen = dataclasses.replace(own.without_candidates(index), rolls=rolls)
             yield from self._planned_move(segment, chosen, "other roll")
         if passage.element.two_edged:
             edges = {**own.edges, index: -own.edges[index]}
@@ -217,16 +222,18 @@ class MoveGenerator:
 
         if not is_free(segment.last):
             return
-        (own,) = self._decisions.ways[segment.last]
-        ways = tuple(
-            one for one in candidates(self._course, segment.last) if math.cos(one.heading - own.heading) < -0.1
+        (own,) = self._decisions.candidates[segment.last]
+        entries = tuple(
+            candidate
+            for candidate in candidates(self._course, segment.last)
+            if math.cos(candidate.heading - own.heading) < -0.1
         )
-        if ways:
-            ends = [one.last for one in self.segments]
+        if entries:
+            ends = [segment.last for segment in self.segments]
             before = itertools.takewhile(is_free, reversed(ends[: segment.number]))
             behind = itertools.takewhile(is_free, ends[segment.number + 1 :])
             free = self._release(segment.last, *before, *behind)
-            chosen = dataclasses.replace(free, ways={**free.ways, segment.last: ways})
+            chosen = dataclasses.replace(free, candidates={**free.candidates, segment.last: entries})
             yield from self._planned_move(segment, chosen, "other course")
 
     def _other_shapes(self, segment: Segment, shape: SegmentShape) -> Iterator[Move]:
@@ -248,9 +255,9 @@ class MoveGenerator:
 
     def _release(self, *indices: int) -> RouteDecisions:
         """Return the flight's decisions without those of some stops: their candidates, the turns to and from them."""
-        turns = {one.last for one in self.segments if one.first in indices or one.last in indices}
+        turns = {segment.last for segment in self.segments if segment.first in indices or segment.last in indices}
         return dataclasses.replace(
-            self._decisions.without_ways(*indices),
+            self._decisions.without_candidates(*indices),
             turns={index: side for index, side in self._decisions.turns.items() if index not in turns},
         )
 

@@ -70,7 +70,7 @@ class FoundRoutes:
 
     Attributes:
         starts: flights to be refined and checked, the best first; empty if no start converged.
-        report: returns what was tried, in words, compared with the start of that number.
+        report: returns the report on the search, compared with the start of that number.
         near: how many of the first starts may be the fastest, as far as their rough race times tell.
     """
 
@@ -97,8 +97,8 @@ def search_routes(
         session: solves, and reports progress.
         budget: how much is tried.
         starts: flights to begin with; None for the plans of the budget.
-        alternatives: how many flights are wanted at least.
-        solved: what further starts have led to.
+        alternatives: least number of flights.
+        solved: solutions from further starts.
     """
     began = time.perf_counter()
 
@@ -113,29 +113,32 @@ def search_routes(
             report_progress(f"{len(elite)} route{'s' * (len(elite) > 1)} compared on a finer mesh")
         finals = _distinct(_refine(pool, session, elite), course)
         finals = _distinct(_with_best_rolls(search, finals), course)
-        found = search.result()
+        result = search.result()
     seconds = time.perf_counter() - began
 
     def report(number: int) -> SearchReport:
         if not finals:
-            return SearchReport((), 0, 0, found.failed, seconds, ())
+            return SearchReport((), 0, 0, result.failed, seconds, ())
         pace = budget.planning_radius.scale(flight.plan.cruise)
-        return _report(found, finals[number], course, pace, seconds)
+        return _report(result, finals[number], course, pace, seconds)
 
     barrier = InitialBarrier.COARSE
-    routes = tuple(Start(one.flight, one.problem, one.iterate, barrier, multipliers=one.multipliers) for one in finals)
-    return FoundRoutes(routes, report, sum(_is_near(one, finals[0]) for one in finals))
+    routes = tuple(
+        Start(flight.flight, flight.problem, flight.iterate, barrier, multipliers=flight.multipliers)
+        for flight in finals
+    )
+    return FoundRoutes(routes, report, sum(_is_near(flight, finals[0]) for flight in finals))
 
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
     """Return whether a flight may be the faster one, as far as rough race times tell."""
-    error = max(NEAR_LAG, *(float(np.abs(one.errors).sum()) for one in (flight, best)))
+    error = max(NEAR_LAG, *(float(np.abs(coarse.errors).sum()) for coarse in (flight, best)))
     return flight.race_time <= best.race_time + error
 
 
 def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
     """Return the fastest flights that differ from one another, none of them far behind the best."""
-    near = [one for one in flights if one.race_time <= flights[0].race_time + ELITE_LAG]
+    near = [flight for flight in flights if flight.race_time <= flights[0].race_time + ELITE_LAG]
     return _distinct(near, course, most)
 
 
@@ -146,7 +149,7 @@ def _distinct(flights: Sequence[CoarseSolution], course: Course, most: int | Non
     for flight in flights:
         if len(chosen) == most:
             break
-        if all(differing(one, flight, segments) for one in chosen):
+        if all(differing(faster, flight, segments) for faster in chosen):
             chosen.append(flight)
     return chosen
 
@@ -154,14 +157,14 @@ def _distinct(flights: Sequence[CoarseSolution], course: Course, most: int | Non
 def _refine(pool: SolverPool, session: SolverSession, elite: list[CoarseSolution]) -> list[CoarseSolution]:
     """Return the flights on the mesh with which their mesh check begins, the fastest first."""
     finer = pool.work(elite, partial(solve_finer, mesh=session.settings.mesh))
-    return sorted(finer, key=lambda one: one.race_time)
+    return sorted(finer, key=lambda flight: flight.race_time)
 
 
 def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
     """Return a flight on the mesh on which flights are compared; the flight itself where it leads to none there."""
     fine = replace(mesh, interval=min(mesh.interval, INTERVAL_SECONDS))
-    wanted = counts_of(coarse.iterate.durations.tolist(), fine)
-    counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
+    target_counts = counts_of(coarse.iterate.durations.tolist(), fine)
+    counts = [max(count, len(phase)) for count, phase in zip(target_counts, coarse.problem.mesh, strict=True)]
     return solve_coarse(service, on_other_mesh(coarse, counts)) or coarse
 
 
@@ -169,42 +172,43 @@ def _with_best_rolls(search: Search, finals: list[CoarseSolution]) -> list[Coars
     """Return the flights, the fastest first, after the rolls of those near the best were tried the other way."""
     if not finals:
         return finals
-    best, *others = finals
-    near = [one for one in others if _is_near(one, best)]
-    improved = [search.improve_rolls(best), *(search.improve_rolls(one, unlike=best) for one in near)]
-    return sorted([*improved, *others[len(near) :]], key=lambda one: one.race_time)
+    best, *slower = finals
+    near = [flight for flight in slower if _is_near(flight, best)]
+    improved = [search.improve_rolls(best), *(search.improve_rolls(flight, unlike=best) for flight in near)]
+    return sorted([*improved, *slower[len(near) :]], key=lambda flight: flight.race_time)
 
 
 def _report(
-    found: SearchResult, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float
+    result: SearchResult, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float
 ) -> SearchReport:
-    """Return what was tried, the flight first that was checked."""
-    segments, converged, others = segments_of(course), 0, list[Route]()
-    for flight in found.flights:
+    """Return the report on a search; the flight that was checked comes first."""
+    segments, converged, routes = segments_of(course), 0, list[Route]()
+    for flight in result.flights:
         if different := differing(best, flight, segments):
             text, race_time = describe_segments(course, flight, different), flight.race_time
-            rolls = all(shape_of(flight, one).rolls for one in different)
-            others.append(Route(text, race_time, race_time - best.race_time, "joint", rolls))
+            rolls = all(shape_of(flight, segment).rolls for segment in different)
+            routes.append(Route(text, race_time, race_time - best.race_time, "joint", rolls))
         else:
             converged += 1
-    for one in found.moves:
-        window = one.as_solution
-        apart = [pair for pair in one.inside(segments) if not same_route(window, pair[0], best, pair[1])]
+    for move in result.moves:
+        window = move.as_solution
+        apart = [pair for pair in move.inside(segments) if not same_route(window, pair[0], best, pair[1])]
         if apart:
             shapes = [shape_of(window, inside) for inside, _ in apart]
             places = [segment_name(course, place) for _, place in apart]
             text = "; ".join(f"{place}: {shape.describe()}" for place, shape in zip(places, shapes, strict=True))
-            race_time, rolls = one.move.base.race_time - one.saved, all(shape.rolls for shape in shapes)
-            others.append(Route(text, race_time, race_time - best.race_time, "window", rolls))
+            race_time, rolls = move.move.base.race_time - move.saved, all(shape.rolls for shape in shapes)
+            routes.append(Route(text, race_time, race_time - best.race_time, "window", rolls))
     # Of those with the same words the fastest is reported, and a flight optimised jointly before a window.
     unique = {
-        route.text: route for route in sorted(others, key=lambda one: (one.evaluated_by == "joint", -one.race_time))
+        route.text: route
+        for route in sorted(routes, key=lambda route: (route.evaluated_by == "joint", -route.race_time))
     }
-    ranked = sorted(unique.values(), key=lambda one: one.race_time)
+    ranked = sorted(unique.values(), key=lambda route: route.race_time)
     first = Route(describe_route(course, best, segments), best.race_time, 0.0, "joint")
     loops = tuple(_needless_loops(best, course, pace, segments))
-    routes = (first, *ranked[: ROUTES_MAX - 1])
-    return SearchReport(routes, converged, len(found.flights) - converged, found.failed, seconds, loops)
+    reported = (first, *ranked[: ROUTES_MAX - 1])
+    return SearchReport(reported, converged, len(result.flights) - converged, result.failed, seconds, loops)
 
 
 def _needless_loops(
@@ -214,10 +218,10 @@ def _needless_loops(
     planned = plan(course, pace)
     for segment in segments:
         paths = [leg.path for leg in planned.legs[segment.first : segment.last]]
-        known = [path for path in paths if path is not None]
-        if len(known) < len(paths):
+        planar = [path for path in paths if path is not None]
+        if len(planar) < len(paths):
             continue
-        turn, length = sum(path.turning for path in known), sum(path.length for path in known)
+        turn, length = sum(path.turning for path in planar), sum(path.length for path in planar)
         shape = shape_of(best, segment)
         longest = NEEDLESS_LENGTH * length + SPARE_LENGTH
         if abs(shape.turn) > turn + NEEDLESS_TURN or shape.length > longest:
@@ -229,13 +233,13 @@ def _needless_loops(
 
 @dataclass(frozen=True)
 class RoutesAround:
-    """What was found around a flight, solved roughly by the point mass.
+    """The outcome of a search around a flight, solved roughly by the point mass.
 
     Attributes:
-        best: the fastest flight found; the flight itself where nothing near it is faster.
+        best: the fastest flight; the flight itself where nothing near it is faster.
         phases: the numbers of the phases that it takes on another route.
         text: which route that is and what it saves, in words; empty where it is the same.
-        report: what was tried, the fastest flight first.
+        report: on the search, the fastest flight first.
         report_on_stored: the same, the flight itself first.
     """
 
@@ -273,17 +277,17 @@ def search_around(
         return None
     search = Search(point_mass, course, LOCAL, pool, lambda _: None)
     best = search.improve(base)
-    base, *others = pool.work([base] if best is base else [base, best], partial(solve_finer, mesh=mesh))
-    best = search.improve_rolls(*others or [base])
+    base, *faster = pool.work([base] if best is base else [base, best], partial(solve_finer, mesh=mesh))
+    best = search.improve_rolls(*faster or [base])
     segments = differing(base, best, segments_of(course))
     saved = base.race_time - best.race_time
-    tried, pace = search.result(), LOCAL.planning_radius.scale(point_mass.plan.cruise)
-    tried = replace(tried, flights=(*tried.flights, base))
+    result, pace = search.result(), LOCAL.planning_radius.scale(point_mass.plan.cruise)
+    result = replace(result, flights=(*result.flights, base))
     seconds = time.perf_counter() - began
-    reports = [_report(tried, one, course, pace, seconds) for one in (best, base)]
+    reports = [_report(result, first, course, pace, seconds) for first in (best, base)]
     if not segments or saved <= SAVED_MIN:
         return RoutesAround(best, frozenset(), "", *reports)
-    phases = frozenset(phase for one in segments for phase in range(one.first, one.last))
+    phases = frozenset(phase for segment in segments for phase in range(segment.first, segment.last))
     text = f"{describe_segments(course, best, segments)}, saves about {saved:.2f} s"
     return RoutesAround(best, phases, text, *reports)
 
@@ -292,13 +296,13 @@ def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: Stag
     """Return the states and controls of the point mass that flies as an optimum does."""
     trajectory = optimum.trajectory
     load = load_factors_along(source, trajectory)
-    known = {one.name: row for one, row in zip(trajectory.states, trajectory.state, strict=True)}
-    known |= {"n_y": load.n_y, "n_z": load.n_z, "p_Kbar": load.p_Kbar}
-    controls = {one.name: row for one, row in zip(trajectory.controls, trajectory.control, strict=True)}
-    own = point_mass.model.system
-    state = np.array([known[one.name] for one in own.states], dtype=np.float64)
+    states = {quantity.name: row for quantity, row in zip(trajectory.states, trajectory.state, strict=True)}
+    states |= {"n_y": load.n_y, "n_z": load.n_z, "p_Kbar": load.p_Kbar}
+    controls = {quantity.name: row for quantity, row in zip(trajectory.controls, trajectory.control, strict=True)}
+    system = point_mass.model.system
+    state = np.array([states[quantity.name] for quantity in system.states], dtype=np.float64)
     steps = np.diff(trajectory.time)
-    rates = {one.name: np.diff(row) / steps for one, row in zip(own.states, state, strict=True)}
-    controls |= {one.name: rates[one.rate_of] for one in own.controls if one.rate_of}
-    rows = [np.clip(controls[one.name], one.lower, one.upper) for one in own.controls]
+    rates = {quantity.name: np.diff(row) / steps for quantity, row in zip(system.states, state, strict=True)}
+    controls |= {control.name: rates[control.rate_of] for control in system.controls if control.rate_of}
+    rows = [np.clip(controls[control.name], control.lower, control.upper) for control in system.controls]
     return Iterate(trajectory.durations, state, np.array(rows, dtype=np.float64))

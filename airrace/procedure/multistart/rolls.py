@@ -23,37 +23,21 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions
 
-
-@dataclass(frozen=True)
-class RollSettings:
-    """The thresholds of rolls.
-
-    Attributes:
-        banked: sine of the bank from which on a flight is banked to a side (1).
-        pulls_down: cosine of the bank beyond which an aircraft pulls down (1). In hard level turns it is banked by up
-            to 104 deg.
-        pull_down_max: longest time for which an aircraft that could do so on either side pulls down, s; else it turns
-            meanwhile.
-        roll_max: longest roll that is reversed, s; through level flight it may be a weave, which needs no roll.
-        blend: time in which a guess changes sides before and after a pull-down or a push, s.
-        push, push_min: load factor (1) that is reached under negative load factors that are pulled instead, and the
-            shortest time of these, s.
-        reach, push_reach: time before and after a roll, or a push, that a window holds, s. Pulled, a Half Cuban Eight
-            is 16 ms faster and 9 m lower throughout; with 7 s its window leads back to the push.
-    """
-
-    banked: float = math.sin(math.radians(30.0))
-    pulls_down: float = math.cos(math.radians(105.0))
-    pull_down_max: float = 2.5
-    roll_max: float = 2.0
-    blend: float = 0.4
-    push: float = -0.5
-    push_min: float = 0.4
-    reach: float = 3.5
-    push_reach: float = 10.0
-
-
-SETTINGS = RollSettings()
+BANKED = math.sin(math.radians(30.0))
+"""Sine of the bank from which on a flight is banked to a side (1)."""
+PULLS_DOWN = math.cos(math.radians(105.0))
+"""Cosine of the bank beyond which an aircraft pulls down (1). In hard level turns it is banked by up to 104 deg."""
+PULL_DOWN_MAX = 2.5
+"""Longest time for which an aircraft that could do so on either side pulls down, s; else it turns meanwhile."""
+ROLL_MAX = 2.0
+"""Longest roll that is reversed, s; through level flight it may be a weave, which needs no roll."""
+BLEND = 0.4
+"""Time in which a guess changes sides before and after a pull-down or a push, s."""
+PUSH, PUSH_MIN = -0.5, 0.4
+"""Load factor (1) that is reached under negative load factors that are pulled instead, and their shortest time, s."""
+REACH, PUSH_REACH = 3.5, 10.0
+"""Time before and after a roll, or a push, that a window holds, s. Pulled, a Half Cuban Eight is 16 ms faster and 9 m
+lower throughout; with 7 s its window leads back to the push."""
 ROLL_RATE_ROW = PointMassState.names().index("p_Kbar")
 LOAD_FACTOR_ROW = PointMassState.names().index("n_z")
 
@@ -96,14 +80,14 @@ class Reroll:
 
 def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield a flight with each of its rolls the other way, each pull and push otherwise, in the order of the nodes."""
-    found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate), *_pulled(problem, iterate)]
-    yield from sorted(found, key=lambda one: (one.first, one.last))
+    variants = [*_other_ways(problem, iterate), *_other_sides(problem, iterate), *_pulled(problem, iterate)]
+    yield from sorted(variants, key=lambda reroll: (reroll.first, reroll.last))
 
 
 def reversals(q: Array) -> list[Reversal]:
     """Return the rolls from one side to the other in a history of attitudes (4, n), in order."""
     right, bank = rotation(list(q))[2][1], _bank(q)
-    banked = np.flatnonzero(np.abs(right) > SETTINGS.banked).tolist()
+    banked = np.flatnonzero(np.abs(right) > BANKED).tolist()
     return [
         Reversal(a, b, angle := float(bank[b] - bank[a]), (angle > 0.0) != bool(right[b] > 0.0))
         for a, b in itertools.pairwise(banked)
@@ -115,32 +99,32 @@ def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each roll from side to side through inverted instead of level flight, or the other way round."""
     time = _time(problem, iterate)
     fastest = problem.system.states[ROLL_RATE_ROW].upper
-    for one in reversals(iterate.state[QUATERNION_ROWS]):
-        turn, first, last = -math.copysign(math.tau, one.angle), one.first, one.last
-        if time[last] - time[first] > SETTINGS.roll_max:
+    for reversal in reversals(iterate.state[QUATERNION_ROWS]):
+        turn, first, last = -math.copysign(math.tau, reversal.angle), reversal.first, reversal.last
+        if time[last] - time[first] > ROLL_MAX:
             continue
-        while time[last] - time[first] < abs(one.angle + turn) / fastest and (first > 0 or last < len(time) - 1):
+        while time[last] - time[first] < abs(reversal.angle + turn) / fastest and (first > 0 or last < len(time) - 1):
             first, last = max(0, first - 1), min(len(time) - 1, last + 1)
         share = np.clip((time - time[first]) / (time[last] - time[first]), 0.0, 1.0)
         added = turn * share**2 * (3.0 - 2.0 * share)
-        kind = f"roll through {'level' if one.inverted else 'inverted'}"
-        yield Reroll(one.first, one.last, kind, _roll_over(problem, iterate, added), SETTINGS.reach)
+        kind = f"roll through {'level' if reversal.inverted else 'inverted'}"
+        yield Reroll(reversal.first, reversal.last, kind, _roll_over(problem, iterate, added), REACH)
 
 
 def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each short pull down banked to the other side."""
     time, q = _time(problem, iterate), iterate.state[QUATERNION_ROWS]
     R, bank = rotation(list(q)), _bank(q)
-    turned = {node for one in reversals(q) if one.inverted for node in (one.first, one.last)}
-    for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > SETTINGS.banked)):
-        if first == last or turned.intersection(range(first, last + 1)):
+    inverted = {node for reversal in reversals(q) if reversal.inverted for node in (reversal.first, reversal.last)}
+    for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > BANKED)):
+        if first == last or inverted.intersection(range(first, last + 1)):
             continue
-        if R[2][2][first : last + 1].min() > SETTINGS.pulls_down or time[last] - time[first] > SETTINGS.pull_down_max:
+        if R[2][2][first : last + 1].min() > PULLS_DOWN or time[last] - time[first] > PULL_DOWN_MAX:
             continue
         away = np.maximum(np.maximum(time[first] - time, time - time[last]), 0.0)
         nearest = math.remainder(float(bank[(first + last) // 2]), math.tau) - bank[(first + last) // 2]
-        added = -2.0 * (bank + nearest) * np.clip(1.0 - away / SETTINGS.blend, 0.0, 1.0)
-        yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added), SETTINGS.reach)
+        added = -2.0 * (bank + nearest) * np.clip(1.0 - away / BLEND, 0.0, 1.0)
+        yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added), REACH)
 
 
 def pushes(time: Array, load: Array) -> list[tuple[int, int]]:
@@ -153,7 +137,7 @@ def pushes(time: Array, load: Array) -> list[tuple[int, int]]:
     return [
         (first, last)
         for first, last in _runs(load < 0.0)
-        if time[last] - time[first] >= SETTINGS.push_min and load[first : last + 1].min() <= SETTINGS.push
+        if time[last] - time[first] >= PUSH_MIN and load[first : last + 1].min() <= PUSH
     ]
 
 
@@ -161,18 +145,18 @@ def _pulled(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each stretch that is pushed, under negative load factors, pulled half a roll away with the same lift."""
     time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION_ROWS])
     for first, last in pushes(time, load):
-        shares = np.clip((time - time[[[first], [last]]]) / SETTINGS.blend, -1.0, 1.0)
-        around = (np.flatnonzero(np.abs(one) < 1.0) for one in shares)
+        shares = np.clip((time - time[[[first], [last]]]) / BLEND, -1.0, 1.0)
+        around = (np.flatnonzero(np.abs(share) < 1.0) for share in shares)
         rolled = [float(bank[nodes[-1]] - bank[nodes[0]]) for nodes in around]
         # Where it rolls it stops doing so; where it does not, it rolls back the way it comes, at first through level.
-        into, out = (-math.copysign(1.0, one) if abs(one) > 0.5 * math.pi else 0.0 for one in rolled)
+        into, out = (-math.copysign(1.0, angle) if abs(angle) > 0.5 * math.pi else 0.0 for angle in rolled)
         if not (into or out):
             into = -math.copysign(1.0, math.remainder(float(bank[first]), math.tau))
         signs = np.array([into or -out, out or -into])
         added = 0.5 * math.pi * signs @ (1.0 + np.sin(0.5 * math.pi * shares))
-        pulled = _roll_over(problem, iterate, added)
-        pulled.state[LOAD_FACTOR_ROW, first : last + 1] *= -1.0
-        yield Reroll(first, last, "pull instead of push", pulled, SETTINGS.push_reach)
+        variant = _roll_over(problem, iterate, added)
+        variant.state[LOAD_FACTOR_ROW, first : last + 1] *= -1.0
+        yield Reroll(first, last, "pull instead of push", variant, PUSH_REACH)
 
 
 def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
@@ -182,7 +166,7 @@ def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
     turned = [np.cos(half), np.sin(half), np.zeros_like(half), np.zeros_like(half)]
     state[QUATERNION_ROWS] = np.array(product(list(state[QUATERNION_ROWS]), turned))
     state[ROLL_RATE_ROW] = np.clip(state[ROLL_RATE_ROW] + np.gradient(added, time), -fastest, fastest)
-    names = [one.rate_of for one in problem.system.controls]
+    names = [control.rate_of for control in problem.system.controls]
     control[names.index(PointMassState.names()[ROLL_RATE_ROW])] = np.diff(state[ROLL_RATE_ROW]) / np.diff(time)
     return Iterate(iterate.durations, state, control)
 
@@ -220,19 +204,19 @@ def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
         for T, piece, before in zip(seconds, pieces, np.cumsum([0.0, *seconds[:-1]]), strict=True)
     ]
     state = np.hstack([pieces[0].state, *(piece.state[:, 1:] for piece in pieces[1:])])
-    time = np.concatenate([times[0], *(one[1:] for one in times[1:])])
+    time = np.concatenate([times[0], *(piece_time[1:] for piece_time in times[1:])])
     _tilt(state[:3], angle)
     _set_attitude(state, time, rows)
     ends = np.cumsum([0, *(piece.control.shape[1] for piece in pieces)])
-    found: list[Iterate] = []
+    tilted: list[Iterate] = []
     for piece, first, last in zip(pieces, ends, ends[1:], strict=False):
         x, steps = state[:, first : last + 1], np.diff(time[first : last + 1])
         control = piece.control.copy()
-        for row, one in enumerate(PointMassControl.quantities()):
-            if one.rate_of:
-                control[row] = np.diff(x[rows.index(one.rate_of)]) / steps
-        found.append(Iterate(piece.durations, x, control))
-    return found
+        for row, quantity in enumerate(PointMassControl.quantities()):
+            if quantity.rate_of:
+                control[row] = np.diff(x[rows.index(quantity.rate_of)]) / steps
+        tilted.append(Iterate(piece.durations, x, control))
+    return tilted
 
 
 def _tilt(r: Array, angle: float) -> None:

@@ -1,8 +1,7 @@
 """The search for the fastest route: several starts, then one segment after another on other routes.
 
-What is claimed of the result is only that it is the best of what was tried. The order of everything is that of the
-course and of the starts, and all jobs are independent of one another, so the result does not depend on the number of
-solver processes.
+The result is the best of what was tried, no more. Jobs are independent and ordered by course and starts, so it does
+not depend on the number of solver processes.
 """
 
 import dataclasses
@@ -34,12 +33,12 @@ TABU_LOSS = 2.0
 On Air Race X, where flights around them became a second faster, the gain of moves changed by up to 0.7 s.
 """
 RETRIED_GAIN = 1.0
-"""The time by which the plan of a move is faster from which on it is solved jointly where its window has failed, s.
+"""The gain of a move's plan, s, above which it is solved jointly although its window has failed.
 
 A window asks for the states of the flight around it, which a route that is seconds faster does not pass.
 """
 RETRIED_MAX = 2
-"""The number of moves that are solved jointly although their windows have failed, at most, those of the best plans."""
+"""The largest number of moves, those of the best plans, that are solved jointly although their windows have failed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,12 +57,11 @@ class Radius:
 
 @dataclasses.dataclass(frozen=True)
 class SearchBudget:
-    """The amount of a search.
+    """The extent of a search.
 
     Attributes:
         radii: of the plans that are solved as a whole, besides the race's own plan.
-        mirrored_ties: of how many of these plans the one is solved, too, that decides ties the other way, if there are
-            any.
+        mirrored_ties: for how many of these plans the one that decides ties the other way is solved as well.
         planning_radius: at which moves are planned.
         plan_penalty_max: s, by which the plan of a move may take longer than that of the flight.
         iterations: how often the best flight is improved, at most.
@@ -120,16 +118,16 @@ BUDGETS: Mapping[SearchEffort, SearchBudget] = {SearchEffort.QUICK: QUICK, Searc
 
 def planned_starts(flight: StageProblem, course: Course, budget: SearchBudget) -> list[InitialGuess]:
     """Return plans of different radius, some of them with ties decided either way."""
-    found: list[InitialGuess] = []
+    starts: list[InitialGuess] = []
     for number, radius in enumerate(budget.radii):
         pace = radius.scale(flight.plan.cruise)
         own, mirrored = (
             planned_guess(flight, plan(course, pace, ties), InitialBarrier.COLD) for ties in (ANY, MIRRORED_TIES)
         )
-        found.append(own)
+        starts.append(own)
         if number < budget.mirrored_ties and not np.array_equal(own.guess.state, mirrored.guess.state):
-            found.append(mirrored)
-    return found
+            starts.append(mirrored)
+    return starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +138,7 @@ class SearchResult:
         flights: solved jointly, by race time.
         moves: evaluated in a window of the best flight of their time, in the order in which they were tried; without
             those that were then solved jointly as well.
-        failed: how many flights that were to be solved jointly led nowhere.
+        failed: number of joint solves that did not converge.
     """
 
     flights: tuple[CoarseSolution, ...]
@@ -180,16 +178,16 @@ class Search:
     def run(self, starts: Sequence[InitialGuess], solved: Sequence[CoarseSolution | None] = ()) -> SearchResult:
         """Try starts, then improve the best of the flights that they lead to, and of those that are solved already."""
         self._report(f"{len(starts) + len(solved)} starts, solved coarsely")
-        found = [*self._pool.work(starts, solve_coarse), *solved]
-        self._starts = [one for one in found if one is not None]
+        outcomes = [*self._pool.work(starts, solve_coarse), *solved]
+        self._starts = [flight for flight in outcomes if flight is not None]
         self._flights = list(self._starts)
-        self._failed = len(found) - len(self._flights)
+        self._failed = len(outcomes) - len(self._flights)
         if self._flights:
-            self.improve(min(self._flights, key=lambda one: one.race_time))
+            self.improve(min(self._flights, key=lambda flight: flight.race_time))
         return self.result()
 
     def improve(self, best: CoarseSolution) -> CoarseSolution:
-        """Return the flight that moves lead to from another one, each of them faster than the one before."""
+        """Return the flight at the end of a sequence of moves, each of which saves time."""
         best = self._improve_routes(best, segments_of(self._course))
         better = self._retry_failing(best)
         if better is None:
@@ -210,15 +208,15 @@ class Search:
         if not self._failing:
             return None
         generator = self._generator(best)
-        known = (one for one in generator.moves(set(range(len(best.problem.phases)))) if self._is_promising(one))
-        for move in sorted(known, key=lambda one: one.plan_penalty)[:RETRIED_MAX]:
+        promising = (move for move in generator.moves(set(range(len(best.problem.phases)))) if self._is_promising(move))
+        for move in sorted(promising, key=lambda move: move.plan_penalty)[:RETRIED_MAX]:
             self._failing.discard((move.segment.number, move.kind))
             self._report(f"another route as a whole: {best.race_time:.2f} s so far")
             starts = self._starts_along(best, move)
-            found = [one for one in self._pool.work(starts, solve_coarse) if one is not None]
-            self._failed += len(starts) - len(found)
-            self._flights += found
-            fastest = min(found, key=lambda one: one.race_time, default=best)
+            flights = [flight for flight in self._pool.work(starts, solve_coarse) if flight is not None]
+            self._failed += len(starts) - len(flights)
+            self._flights += flights
+            fastest = min(flights, key=lambda flight: flight.race_time, default=best)
             if fastest.race_time < best.race_time - SAVED_MIN:
                 return fastest
         return None
@@ -233,7 +231,7 @@ class Search:
         for radius in (Radius(1.0), *self._budget.radii):
             planned = plan(self._course, radius.scale(self._pace), self._decisions_with(base, [move]))
             start = planned_guess(self._flight, planned, InitialBarrier.COLD)
-            if not any(np.array_equal(start.guess.state, one.guess.state) for one in starts):
+            if not any(np.array_equal(start.guess.state, previous.guess.state) for previous in starts):
                 starts.append(start)
         return starts
 
@@ -241,11 +239,11 @@ class Search:
         return MoveGenerator(base, self._course, self._budget.planning_radius.scale(self._pace))
 
     def improve_rolls(self, flight: CoarseSolution, unlike: CoarseSolution | None = None) -> CoarseSolution:
-        """Return the fastest flight that is found by flying the rolls of one the other way.
+        """Return the fastest flight after trying each roll to the other side.
 
         Args:
             flight: with the rolls.
-            unlike: a flight whose rolls were tried already; where it takes the same route, that is not done again.
+            unlike: a flight whose rolls were tried already; its route is not tried again.
         """
         segments = segments_of(self._course)
         return self._repeat(
@@ -257,8 +255,8 @@ class Search:
 
     def result(self) -> SearchResult:
         """Return what was found so far."""
-        flights = sorted(self._flights, key=lambda one: one.race_time)
-        moves = tuple(one for one in self._moves if one not in self._joint)
+        flights = sorted(self._flights, key=lambda flight: flight.race_time)
+        moves = tuple(move for move in self._moves if move not in self._joint)
         return SearchResult(tuple(flights), moves, self._failed)
 
     def _repeat(
@@ -277,13 +275,13 @@ class Search:
                 tried last, or one that saves time there was left out.
             different: the segments whose route is to be changed first.
         """
-        left: list[EvaluatedMove] = []
+        left_out: list[EvaluatedMove] = []
         for number in range(self._budget.iterations):
             self._report(f"other {what}, {number + 1}: {best.race_time:.2f} s so far")
             generator = self._generator(best)
-            changed = {phase for one in different for phase in range(one.first, one.last)}
-            changed |= {phase for one in left for phase in one.move.changed}
-            better, left = self._improve(best, generator, propose(generator, changed))
+            changed = {phase for segment in different for phase in range(segment.first, segment.last)}
+            changed |= {phase for move in left_out for phase in move.move.changed}
+            better, left_out = self._improve(best, generator, propose(generator, changed))
             if better is None:
                 break
             different, best = differing(best, better, generator.segments), better
@@ -294,7 +292,7 @@ class Search:
         begins = generator.base is first
         distinct = generator.distinct_segments() if begins and self._budget.local else None
         around = generator.moves(changed, shapes=not self._budget.local, segments=distinct)
-        moves = [one for one in around if one.plan_penalty <= self._budget.plan_penalty_max]
+        moves = [move for move in around if move.plan_penalty <= self._budget.plan_penalty_max]
         return [*moves, *self._from_other_starts(generator, changed)]
 
     def _improve(
@@ -302,45 +300,49 @@ class Search:
     ) -> tuple[CoarseSolution | None, list[EvaluatedMove]]:
         """Return a faster flight from some moves, and those that save time but are not in it; None if there is none."""
         improving = self._improving(
-            [one for one in moves if one.recurs or (one.segment.number, one.kind) not in self._tabu]
+            [move for move in moves if move.recurs or (move.segment.number, move.kind) not in self._tabu]
         )
         improving += self._improving(
-            [again for one in improving for again in generator.replicate_in_other_laps(one, one.move.kind)]
+            [replica for move in improving for replica in generator.replicate_in_other_laps(move, move.move.kind)]
         )
         if not improving:
             return None, []
-        return self._combine(base, sorted(improving, key=lambda one: -one.saved))
+        return self._combine(base, sorted(improving, key=lambda move: -move.saved))
 
     def _improving(self, moves: Sequence[Move]) -> list[EvaluatedMove]:
         """Evaluate all moves, and return those that save time."""
-        found = self._pool.work(moves, evaluate)
-        for move, evaluated in zip(moves, found, strict=True):
+        outcomes = self._pool.work(moves, evaluate)
+        for move, evaluated in zip(moves, outcomes, strict=True):
             if evaluated is None or evaluated.saved < -TABU_LOSS:
                 self._tabu.add((move.segment.number, move.kind))
             if evaluated is None:
                 self._failing.add((move.segment.number, move.kind))
-        known = [one for one in found if one is not None]
-        self._moves += known
-        return [one for one in known if one.saved > SAVED_MIN and not (self._budget.local and self._keeps_route(one))]
+        evaluated_moves = [move for move in outcomes if move is not None]
+        self._moves += evaluated_moves
+        return [
+            move
+            for move in evaluated_moves
+            if move.saved > SAVED_MIN and not (self._budget.local and self._keeps_route(move))
+        ]
 
-    def _keeps_route(self, one: EvaluatedMove) -> bool:
+    def _keeps_route(self, move: EvaluatedMove) -> bool:
         """Return whether a window leads along the route of the flight around it."""
-        inside = one.inside(segments_of(self._course))
-        return all(same_route(one.as_solution, here, one.move.base, there) for here, there in inside)
+        pairs = move.inside(segments_of(self._course))
+        return all(same_route(move.as_solution, own, move.move.base, segment) for own, segment in pairs)
 
     def _from_other_starts(self, generator: MoveGenerator, changed: Set[int]) -> list[Move]:
         """Return the routes of the starts where they differ from the best flight, if that has changed there.
 
         Neighbouring segments are taken together, and each route once.
         """
-        known: list[tuple[CoarseSolution, list[Segment]]] = []
+        routes: list[tuple[CoarseSolution, list[Segment]]] = []
         for flight in self._starts:
             for group in neighbours(differing(generator.base, flight, generator.segments)):
                 if changed.isdisjoint(range(group[0].first, group[-1].last)):
                     continue
-                if not any(group == theirs and not differing(flight, other, group) for other, theirs in known):
-                    known.append((flight, group))
-        return [generator.from_flight(flight, group) for flight, group in known]
+                if not any(group == segments and not differing(flight, start, group) for start, segments in routes):
+                    routes.append((flight, group))
+        return [generator.from_flight(flight, group) for flight, group in routes]
 
     def _combine(
         self, base: CoarseSolution, moves: Sequence[EvaluatedMove]
@@ -350,13 +352,13 @@ class Search:
         The best move is solved alone because moves may not go together.
         """
         together: list[EvaluatedMove] = []
-        for one in moves:
-            if all(set(one.move.changed).isdisjoint(other.move.changed) for other in together):
-                together.append(one)
+        for move in moves:
+            if all(set(move.move.changed).isdisjoint(earlier.move.changed) for earlier in together):
+                together.append(move)
         groups = [together] if len(together) == 1 else [together, together[:1]]
-        groups += [[one] for one in moves if one not in together][: self._budget.alternatives]
-        jobs = [(self._with_moves(base, [one.move for one in group]), base, group) for group in groups]
-        found: list[tuple[CoarseSolution, Sequence[EvaluatedMove]]] = []
+        groups += [[move] for move in moves if move not in together][: self._budget.alternatives]
+        jobs = [(self._with_moves(base, [move.move for move in group]), base, group) for group in groups]
+        faster: list[tuple[CoarseSolution, Sequence[EvaluatedMove]]] = []
         joint = self._pool.work(jobs, lambda service, job: apply_moves(service, *job))
         for group, coarse in zip(groups, joint, strict=True):
             if coarse is None:
@@ -365,11 +367,11 @@ class Search:
             self._joint += group
             self._flights.append(coarse)
             if coarse.race_time < base.race_time - 0.0005:
-                found.append((coarse, group))
-        if not found:
+                faster.append((coarse, group))
+        if not faster:
             return None, []
-        best, made = min(found, key=lambda one: one[0].race_time)
-        return best, [one for one in moves if one not in made]
+        best, group = min(faster, key=lambda pair: pair[0].race_time)
+        return best, [move for move in moves if move not in group]
 
     def _with_moves(self, base: CoarseSolution, moves: Sequence[Move]) -> StageProblem:
         """Return the model with the plan of a flight in which some moves are made."""
@@ -380,7 +382,7 @@ class Search:
         """Return the decisions of a flight in which some moves are made."""
         problem = base.problem
         decisions = decisions_from_solution(self._course, problem.system.states, base.iterate.state, problem.first_node)
-        for one in moves:
-            waypoints = one.flight.plan.waypoints
-            decisions = decisions.as_planned({index: waypoints[index] for index in range(one.first, one.last + 1)})
+        for move in moves:
+            waypoints = move.flight.plan.waypoints
+            decisions = decisions.as_planned({index: waypoints[index] for index in range(move.first, move.last + 1)})
         return decisions

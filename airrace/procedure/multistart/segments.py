@@ -14,33 +14,22 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.rolls import Reversal, reversals
 from airrace.procedure.planning.plan import POSITION, stops_of, track_turn
 
-
-@dataclass(frozen=True)
-class ShapeSettings:
-    """The thresholds by which routes are compared and described.
-
-    Attributes:
-        samples: of a phase where two flights are compared.
-        position_tolerance: largest distance at which two flights still take the same route, m.
-        attitude_tolerance: largest angle between their attitudes, rad.
-        long_turn: from which on a segment is mentioned in the description of a whole flight, rad.
-        straight: largest turn that is called straight, rad.
-        upright: largest lateral turn with which a loop leans to no side, rad.
-        flat: largest rise above both ends, or between them, that is called flat, m.
-        steep: climb angle from which on a turn leads over the top, rad.
-    """
-
-    samples: int = 17
-    position_tolerance: float = 12.0
-    attitude_tolerance: float = math.radians(70.0)
-    long_turn: float = math.radians(100.0)
-    straight: float = math.radians(15.0)
-    upright: float = math.radians(5.0)
-    flat: float = 15.0
-    steep: float = math.radians(60.0)
-
-
-SETTINGS = ShapeSettings()
+SAMPLES = 17
+"""Number of samples of a phase at which two flights are compared."""
+POSITION_TOLERANCE = 12.0
+"""Largest distance at which two flights still take the same route, m."""
+ATTITUDE_TOLERANCE = math.radians(70.0)
+"""Largest angle between the attitudes of two flights on the same route, rad."""
+LONG_TURN = math.radians(100.0)
+"""The turn from which on a segment is mentioned in the description of a whole flight, rad."""
+STRAIGHT = math.radians(15.0)
+"""Largest turn that is called straight, rad."""
+UPRIGHT = math.radians(5.0)
+"""Largest lateral turn with which a loop leans to no side, rad."""
+FLAT = 15.0
+"""Largest rise above both ends, or between them, that is called flat, m."""
+STEEP = math.radians(60.0)
+"""The climb angle from which on a turn leads over the top, rad."""
 
 
 @dataclass(frozen=True)
@@ -88,19 +77,19 @@ class SegmentShape:
 
     def describe(self) -> str:
         """Return how the segment is taken, in words."""
-        return ", ".join([self._track(), *(one.describe() for one in self.rolls)])
+        return ", ".join([self._track(), *(roll.describe() for roll in self.rolls)])
 
     def _track(self) -> str:
         side = f"to the {'right' if self.turn > 0.0 else 'left'}"
         high = f"{round(self.height, -1):.0f} m high"
-        if self.rise > SETTINGS.flat and self.steepest > SETTINGS.steep and self.overhead:
-            return f"over the top{f' {side}' if abs(self.lateral_turn) > SETTINGS.upright else ''}, {high}"
+        if self.rise > FLAT and self.steepest > STEEP and self.overhead:
+            return f"over the top{f' {side}' if abs(self.lateral_turn) > UPRIGHT else ''}, {high}"
         turned = f"{round(abs(math.degrees(self.turn)), -1):.0f} degrees {side}"
-        if abs(self.turn) < SETTINGS.straight:
+        if abs(self.turn) < STRAIGHT:
             turned = "straight"
-        if self.rise > SETTINGS.flat:
+        if self.rise > FLAT:
             return f"{turned}, {high}"
-        if abs(self.gain) <= SETTINGS.flat:
+        if abs(self.gain) <= FLAT:
             return f"{turned}, flat"
         return f"{turned}, {'climbing' if self.gain > 0.0 else 'descending'} {round(abs(self.gain), -1):.0f} m"
 
@@ -119,13 +108,13 @@ def shape_of(coarse: CoarseSolution, segment: Segment) -> SegmentShape:
         gain=float(height[-1] - height[0]),
         overhead=bool(R[2][2][int(height.argmax())] < 0.0),
         length=float(np.hypot(*np.diff(r[:2])).sum()),
-        rolls=tuple(one for one in reversals(whole) if nodes[segment.first] <= one.first < nodes[segment.last]),
+        rolls=tuple(r for r in reversals(whole) if nodes[segment.first] <= r.first < nodes[segment.last]),
     )
 
 
-def differing(one: CoarseSolution, other: CoarseSolution, segments: Iterable[Segment]) -> list[Segment]:
+def differing(first: CoarseSolution, second: CoarseSolution, segments: Iterable[Segment]) -> list[Segment]:
     """Return the segments that two flights take on different routes."""
-    return [segment for segment in segments if not same_route(one, segment, other, segment)]
+    return [segment for segment in segments if not same_route(first, segment, second, segment)]
 
 
 def neighbours(segments: Iterable[Segment]) -> list[list[Segment]]:
@@ -139,21 +128,20 @@ def neighbours(segments: Iterable[Segment]) -> list[list[Segment]]:
     return groups
 
 
-def same_route(one: CoarseSolution, segment: Segment, other: CoarseSolution, counterpart: Segment) -> bool:
-    """Return whether two flights take a segment alike, which may begin at other phases of them.
+def same_route(first: CoarseSolution, segment: Segment, second: CoarseSolution, counterpart: Segment) -> bool:
+    """Return whether two flights take the same route through a segment, which may be another one in the second flight.
 
-    Where a roll goes the other way, a quaternion ends with the other sign than that of a flight alike.
+    Where a roll goes the other way, the quaternions end with opposite signs.
     """
     signs = set[float]()
     phases = zip(range(segment.first, segment.last), range(counterpart.first, counterpart.last), strict=True)
-    for here, there in phases:
-        (r, q), (other_r, other_q) = _samples(one, here), _samples(other, there)
-        apart = float(np.linalg.norm(r - other_r, axis=0).max())
-        cosines = (q * other_q).sum(axis=0)
+    for first_phase, second_phase in phases:
+        (r_1, q_1), (r_2, q_2) = _samples(first, first_phase), _samples(second, second_phase)
+        distance = float(np.linalg.norm(r_1 - r_2, axis=0).max())
+        cosines = (q_1 * q_2).sum(axis=0)
         signs |= set(np.sign(cosines).tolist())
-        close = apart <= SETTINGS.position_tolerance
         angle = 2.0 * math.acos(min(1.0, float(np.abs(cosines).min())))
-        if not close or not angle <= SETTINGS.attitude_tolerance or len(signs) > 1:
+        if not distance <= POSITION_TOLERANCE or not angle <= ATTITUDE_TOLERANCE or len(signs) > 1:
             return False
     return True
 
@@ -165,18 +153,18 @@ def segment_name(course: Course, segment: Segment) -> str:
 
 def describe_segments(course: Course, coarse: CoarseSolution, segments: Sequence[Segment]) -> str:
     """Describe how a flight takes some segments, e.g. "1:g4 -> 1:g5: over the top to the right, 140 m high"."""
-    return "; ".join(f"{segment_name(course, one)}: {shape_of(coarse, one).describe()}" for one in segments)
+    return "; ".join(f"{segment_name(course, segment)}: {shape_of(coarse, segment).describe()}" for segment in segments)
 
 
 def describe_route(course: Course, coarse: CoarseSolution, segments: Sequence[Segment]) -> str:
     """Describe the long turns of a flight, one after another."""
-    turns = [one for one in segments if abs(shape_of(coarse, one).turn) >= SETTINGS.long_turn]
+    turns = [segment for segment in segments if abs(shape_of(coarse, segment).turn) >= LONG_TURN]
     return describe_segments(course, coarse, turns) or "no long turns"
 
 
 def _position_and_attitude(coarse: CoarseSolution, first: int, last: int) -> tuple[Array, Array]:
     """Return positions (3, n) and attitudes (4, n) at the nodes of some phases."""
-    names, nodes = [one.name for one in coarse.problem.system.states], coarse.problem.first_node
+    names, nodes = [state.name for state in coarse.problem.system.states], coarse.problem.first_node
     state = coarse.iterate.state[:, nodes[first] : nodes[last] + 1]
     return state[[names.index(name) for name in POSITION]], state[[names.index(name) for name in QUATERNION]]
 
@@ -185,7 +173,7 @@ def _samples(coarse: CoarseSolution, phase: int) -> tuple[Array, Array]:
     """Return positions (3, n) and attitudes (4, n) of one phase at equal shares of its duration."""
     shares = np.concatenate([[0.0], np.cumsum(coarse.problem.phases[phase].fractions)])
     r, q = _position_and_attitude(coarse, phase, phase + 1)
-    at = np.linspace(0.0, 1.0, SETTINGS.samples)
+    at = np.linspace(0.0, 1.0, SAMPLES)
     rows: list[Array] = [np.interp(at, shares, row) for row in (*r, *q)]
     q = np.stack(rows[3:])
     return np.stack(rows[:3]), q / np.linalg.norm(q, axis=0)

@@ -69,7 +69,7 @@ class Move:
 
     @property
     def recurs(self) -> bool:
-        """Whether it may be tried again around another flight, for it belongs to that: a roll."""
+        """Whether it may be tried again around another flight: a roll, which belongs to the flight."""
         return self.own is not None
 
     @property
@@ -100,8 +100,10 @@ class EvaluatedMove:
     def inside(self, segments: Sequence[Segment]) -> list[tuple[Segment, Segment]]:
         """Return the segments that lie in the window, as they are numbered in it and in the race."""
         first, last = self.move.first, self.move.last
-        within = [one for one in segments if first <= one.first and one.last <= last]
-        return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
+        within = [segment for segment in segments if first <= segment.first and segment.last <= last]
+        return [
+            (replace(segment, first=segment.first - first, last=segment.last - first), segment) for segment in within
+        ]
 
 
 def evaluate(service: SolverService, move: Move) -> EvaluatedMove | None:
@@ -115,12 +117,12 @@ def evaluate(service: SolverService, move: Move) -> EvaluatedMove | None:
     solution = try_solve(service, window.problem, window.guess, InitialBarrier.PIECES, ITERATIONS_MAX)
     if solution is None or not solution.success:
         return None
-    base, found, problem = move.base, solution.iterate, window.problem
-    speed = [one.name for one in problem.system.states].index(SPEED)
+    base, iterate, problem = move.base, solution.iterate, window.problem
+    speed = [state.name for state in problem.system.states].index(SPEED)
     before = window.seconds + base.error_penalty[move.first : move.last].sum()
-    after = found.durations.sum() + objective_error(problem, solution).sum()
-    saved = before - after + window.speed_costate * (base.iterate.state[speed, window.last] - found.state[speed, -1])
-    return EvaluatedMove(move, *window.whole(found), float(saved)) if math.isfinite(saved) else None
+    after = iterate.durations.sum() + objective_error(problem, solution).sum()
+    saved = before - after + window.speed_costate * (base.iterate.state[speed, window.last] - iterate.state[speed, -1])
+    return EvaluatedMove(move, *window.whole(iterate), float(saved)) if math.isfinite(saved) else None
 
 
 def apply_moves(
@@ -136,11 +138,11 @@ def apply_moves(
     """
     pieces = [phase_piece(base.iterate, base.problem, index) for index in range(len(base.problem.phases))]
     mesh = base.problem.mesh
-    for one in moves:
-        for index in one.move.changed:
-            place = index - one.move.first
-            pieces[index] = phase_piece(one.iterate, one.problem, place)
-            mesh[index] = one.problem.phases[place].fractions
+    for move in moves:
+        for index in move.move.changed:
+            place = index - move.move.first
+            pieces[index] = phase_piece(move.iterate, move.problem, place)
+            mesh[index] = move.problem.phases[place].fractions
     return solve_coarse(service, InitialGuess(flight, mesh, concatenate(pieces), InitialBarrier.COARSE))
 
 
@@ -187,33 +189,33 @@ class _Window:
         start = whole.start
         if begin > 0:
             start = fixed_state(move.flight, base.iterate.state[:, begin])
-            phases[0] = phases[0].without_watches_at(0)
+            phases[0] = phases[0].without_path_constraints_at(0)
         whole = replace(whole, start=start)
         objective, costate = whole.objective, 0.0
         if end < nodes[-1]:
-            names = [one.name for one in whole.system.states]
+            names = [state.name for state in whole.system.states]
             costate = float(base.costates[names.index(SPEED), end - 1])
             objective = replace(objective, terminal={SPEED: costate})
-            there = _continuation(names, base.iterate.state[:, end], guess)
-            phases[-1] = replace(phases[-1].without_watches_at(len(phases[-1].fractions)), end=there)
+            continuation = _continuation(names, base.iterate.state[:, end], guess)
+            phases[-1] = replace(phases[-1].without_path_constraints_at(len(phases[-1].fractions)), end=continuation)
         problem = replace(whole, phases=tuple(phases), objective=objective)
         full = replace(whole, phases=whole.phases[first:last])
         return cls(move, full, problem, guess, begin, end, costate, seconds)
 
-    def whole(self, found: Iterate) -> tuple[Iterate, Problem]:
-        """Return what was found with the parts of its phases that have stayed as they were."""
+    def whole(self, iterate: Iterate) -> tuple[Iterate, Problem]:
+        """Return a solution of the window, completed by the unchanged parts of its phases."""
         if self.move.spare == (0, 0):
-            return found, self.problem
+            return iterate, self.problem
         base, (head, tail) = self.move.base, self.move.spare
         before, behind = self.first - head, self.last + tail
         whole, steps = base.iterate, interval_durations(base.problem, base.iterate.durations)
-        own = interval_durations(self.problem, found.durations)
+        own = interval_durations(self.problem, iterate.durations)
         state = np.hstack(
-            [whole.state[:, before : self.first], found.state, whole.state[:, self.last + 1 : behind + 1]]
+            [whole.state[:, before : self.first], iterate.state, whole.state[:, self.last + 1 : behind + 1]]
         )
         align_quaternions(state)
         control = np.hstack(
-            [whole.control[:, before : self.first], found.control, whole.control[:, self.last : behind]]
+            [whole.control[:, before : self.first], iterate.control, whole.control[:, self.last : behind]]
         )
         steps = np.concatenate([steps[before : self.first], own, steps[self.last : behind]])
         pieces = np.split(steps, self.phases.first_node[1:-1])

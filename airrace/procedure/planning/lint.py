@@ -81,7 +81,7 @@ class RemarkKind(Enum):
     @classmethod
     def from_subject(cls, subject: str) -> "RemarkKind":
         """Return the kind of a remark that an element makes about itself."""
-        return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
+        return cls(subject) if any(subject == member.value for member in cls) else cls.ELEMENT
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ def review(race: Race) -> list[Remark]:
     There is one for every place, however often it is passed.
     """
     course = race.course
-    found = [*_race_remarks(race), *_start_remarks(race), *_element_remarks(course), *_axis_remarks(course)]
-    return in_order([*found, *_mistakes(course), *_leg_remarks(race)], course)
+    remarks = [*_race_remarks(race), *_start_remarks(race), *_element_remarks(course), *_axis_remarks(course)]
+    return in_order([*remarks, *_mistakes(course), *_leg_remarks(race)], course)
 
 
 def in_order(remarks: Iterable[Remark], course: Course) -> list[Remark]:
@@ -130,7 +130,7 @@ def forgotten_lines(course: Course) -> Iterator[Remark]:
             for passage in course.passages[1:]
             if all(safety_line.name != line.name for safety_line in passage.safety_lines)
         ]
-        if without and all(line.room(one) >= line.margin for one in places):
+        if without and all(line.room(point) >= line.margin for point in places):
             text = (
                 f"the safety line `{line.name}` does not hold on {len(without)} of {len(course.passages) - 1} legs, "
                 f"first on that to `{without[0].name}`, though all elements stand on its allowed side; without a "
@@ -208,18 +208,18 @@ def _element_remarks(course: Course) -> Iterator[Remark]:
 
 def _axis_remarks(course: Course) -> Iterator[Remark]:
     """Yield remarks on gates passed against the way the course comes and goes."""
-    seen: set[tuple[str, Direction]] = set()
+    reported: set[tuple[str, Direction]] = set()
     around = zip([None, *course.passages], course.passages, [*course.passages[1:], None], strict=False)
     for before, passage, after in around:
         key = (passage.element.name, passage.direction)
         heading = passage.element.course(passage.direction)
-        if not passage.element.directed or heading is None or key in seen:
+        if not passage.element.directed or heading is None or key in reported:
             continue
         ways = [_bearing(a, b) for a, b in ((before, passage), (passage, after)) if a is not None and b is not None]
         limit = WRONG_WAY if len(ways) == 2 else WRONG_WAY_END
         against = [abs(angle_between(heading, way)) > limit + 1e-9 for way in ways if way is not None]
         if len(against) == len(ways) and all(against):
-            seen.add(key)
+            reported.add(key)
             text = (
                 f"`{passage.name}` is passed at {math.degrees(heading) % 360.0:.0f} deg, more than "
                 f"{math.degrees(limit):.0f} deg away from where its neighbours lie; is its heading or its direction "
@@ -244,13 +244,13 @@ def _mistakes(course: Course) -> Iterator[Remark]:
             "north and east, mixed up?"
         )
         yield Remark("", RemarkKind.AXIS, text)
-    seen: set[str] = set()
+    reported: set[str] = set()
     for before, passage, after in zip(course.passages, course.passages[1:], course.passages[2:], strict=False):
         element, start, end = passage.element, place(before), place(after)
         side, at = element.passing_side, element.place
-        if side is None or at is None or start is None or end is None or element.name in seen:
+        if side is None or at is None or start is None or end is None or element.name in reported:
             continue
-        seen.add(element.name)
+        reported.add(element.name)
         north, east = end[0] - start[0], end[1] - start[1]
         length = math.hypot(north, east)
         if length < SAME_PLACE:
@@ -321,13 +321,13 @@ def legs(race: Race) -> list[ReviewedLeg]:
         if leg.path is not None:
             _, _, heading = leg.path.points(np.linspace(0.0, leg.path.length, TURN_SAMPLES))
             turns[index] = float(heading[0]), float(heading[-1]), float(np.abs(np.diff(heading)).sum())
-    found: list[ReviewedLeg] = []
+    legs: list[ReviewedLeg] = []
     for (before, after), turn in zip(itertools.pairwise(passages), turns, strict=True):
         start, end = place(before), place(after)
         if start is not None and end is not None:
             north, east = end[0] - start[0], end[1] - start[1]
-            found.append(ReviewedLeg(before, after, math.hypot(north, east), math.atan2(east, north), turn))
-    return found
+            legs.append(ReviewedLeg(before, after, math.hypot(north, east), math.atan2(east, north), turn))
+    return legs
 
 
 def _leg_remarks(race: Race) -> Iterator[Remark]:
@@ -335,7 +335,7 @@ def _leg_remarks(race: Race) -> Iterator[Remark]:
     pace, rate = tightest(race), climb_rate(race.aircraft)
     different: dict[object, ReviewedLeg] = {}
     for leg in legs(race):
-        ends = [(one.element.name, one.direction) for one in (leg.before, leg.after)]
+        ends = [(passage.element.name, passage.direction) for passage in (leg.before, leg.after)]
         different.setdefault((*ends, leg.after.safety_lines), leg)
     for leg in different.values():
         yield from _climb_remarks(leg, race.aircraft, rate)

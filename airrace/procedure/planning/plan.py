@@ -72,7 +72,7 @@ class Plan:
     Attributes:
         seconds: planned race time.
         counting: whether the flight counts its rolls, see `flight_model.py`.
-        last: how ties were decided, and are to be decided on the way, see `RouteDecisions`.
+        prefer_last_on_ties: how ties were decided, and are to be decided on the way, see `RouteDecisions`.
     """
 
     waypoints: tuple[Waypoint, ...]
@@ -80,14 +80,14 @@ class Plan:
     cruise: PlanningModel
     seconds: float
     counting: bool
-    last: bool = False
+    prefer_last_on_ties: bool = False
 
     def turn(self, a: Waypoint, b: Waypoint) -> tuple[float, float, float]:
         """Return the rotation that leads from one waypoint to the next, rad.
 
         A roll turns further than the shortest way.
         """
-        return _turn(a, b, last=self.last)
+        return _turn(a, b, prefer_last=self.prefer_last_on_ties)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +99,7 @@ class _Stop:
     """
 
     index: int
-    ways: list[Waypoint]
+    candidates: list[Waypoint]
     side: int
     length_min: float
     roll: Roll | None
@@ -118,23 +118,23 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
     stops = [
         _Stop(
             index,
-            choices.candidates(course, index),
+            choices.candidates_at(course, index),
             choices.turns.get(index, 0),
             choices.lengths.get(index, 0.0),
             choices.roll(course, index),
         )
         for index in stops_of(course)
     ]
-    chosen, seconds = _shortest(stops, pace, last=choices.last)
+    chosen, seconds = _shortest(stops, pace, prefer_last=choices.prefer_last_on_ties)
     waypoints, legs = [chosen[0]], list[PlannedLeg]()
     for (a, b), stop in zip(itertools.pairwise(chosen), stops[1:], strict=True):
         first, after = len(waypoints) - 1, stop.index
-        leg, arrived = _leg(a, b, stop, pace, last=choices.last)
+        leg, arrived = _leg(a, b, stop, pace, prefer_last=choices.prefer_last_on_ties)
         heights = course.passages[first + 1 : after]
-        waypoints += [*_on_the_way(a, arrived, heights, leg, last=choices.last), arrived]
+        waypoints += [*_on_the_way(a, arrived, heights, leg, prefer_last=choices.prefer_last_on_ties), arrived]
         legs += _pieces(leg, len(heights) + 1)
     banked = _with_knife_edges(waypoints, legs, choices.edges)
-    return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls, choices.last)
+    return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls, choices.prefer_last_on_ties)
 
 
 def plan_with_room(course: Course, planned: Plan) -> Plan | None:
@@ -144,14 +144,13 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
     such as a circle, where one climbs too steeply to a height between two gates, and passes gates so straight that the
     wing fits between their pylons.
     """
-    pylons, ways = (
-        {place_of(cleared_pylon): cleared_pylon for cleared_pylon in cleared_pylons(course)},
-        dict[int, tuple[Waypoint, ...]](),
-    )
+    pylons = {place_of(cleared_pylon): cleared_pylon for cleared_pylon in cleared_pylons(course)}
+    remaining: dict[int, tuple[Waypoint, ...]] = {}
     for stop in stops_of(course):
         if not _fits(planned.waypoints[stop], pylons, planned.cruise):
             fitting = [candidate for candidate in candidates(course, stop) if _fits(candidate, pylons, planned.cruise)]
-            ways |= {stop: tuple(fitting)} if fitting else {}
+            if fitting:
+                remaining[stop] = tuple(fitting)
     out, turns, lengths_min = _depths_outside(course, planned), dict[int, int](), dict[int, float]()
     for first, last in itertools.pairwise(stops_of(course)):
         paths = [leg.path for leg in planned.legs[first:last] if leg.path is not None]
@@ -165,12 +164,18 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
         if sum(path.length for path in paths) < needed and len(paths) == last - first:
             lengths_min[last] = needed
     if turns:
-        turned = plan(course, planned.cruise, RouteDecisions(ways, turns, last=planned.last))
+        turned = plan(
+            course, planned.cruise, RouteDecisions(remaining, turns, prefer_last_on_ties=planned.prefer_last_on_ties)
+        )
         if sum(_depths_outside(course, turned)) >= sum(out):
             turns = {}
-    if not (ways or turns or lengths_min):
+    if not (remaining or turns or lengths_min):
         return None
-    return plan(course, planned.cruise, RouteDecisions(ways, turns, lengths=lengths_min, last=planned.last))
+    return plan(
+        course,
+        planned.cruise,
+        RouteDecisions(remaining, turns, lengths=lengths_min, prefer_last_on_ties=planned.prefer_last_on_ties),
+    )
 
 
 def _fits(way: Waypoint, pylons: Mapping[Place, PylonPost], pace: PlanningModel) -> bool:
@@ -212,20 +217,20 @@ def stops_of(course: Course) -> list[int]:
     return [index for index, stops in enumerate(is_stop) if stops or index in ends]
 
 
-def _shortest(stops: Sequence[_Stop], pace: PlanningModel, *, last: bool) -> tuple[list[Waypoint], float]:
+def _shortest(stops: Sequence[_Stop], pace: PlanningModel, *, prefer_last: bool) -> tuple[list[Waypoint], float]:
     """Return one of the candidates at every stop, and the planned time, s."""
-    total = np.zeros(len(stops[0].ways))
+    total = np.zeros(len(stops[0].candidates))
     choices: list[np.ndarray] = []
     for stop, next_stop in itertools.pairwise(stops):
-        seconds = total[:, None] + _leg_seconds(stop.ways, next_stop, pace)
-        choices.append(least(seconds, last=last))
+        seconds = total[:, None] + _leg_seconds(stop.candidates, next_stop, pace)
+        choices.append(least(seconds, last=prefer_last))
         total = seconds.min(axis=0)
-    index = int(least(total, last=last))
+    index = int(least(total, last=prefer_last))
     chosen = [index]
     for choice in reversed(choices):
         index = int(choice[index])
         chosen.append(index)
-    return [stop.ways[way] for stop, way in zip(stops, reversed(chosen), strict=True)], float(total.min())
+    return [stop.candidates[index] for stop, index in zip(stops, reversed(chosen), strict=True)], float(total.min())
 
 
 def _level(start: Waypoint, end: Waypoint) -> bool:
@@ -235,8 +240,8 @@ def _level(start: Waypoint, end: Waypoint) -> bool:
 
 
 def _leg_seconds(starts: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> Array:
-    """Return the planned time from every candidate to every one of a stop, shape (len(here), len(stop.ways)), s."""
-    ends = stop.ways
+    """Return the planned times between the candidates of two stops, shape (len(starts), len(stop.candidates)), s."""
+    ends = stop.candidates
     if _level(starts[0], ends[0]):
         assert starts[0].position is not None
         assert ends[0].position is not None
@@ -252,17 +257,24 @@ def _leg_seconds(starts: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -
     return np.array([[rotation_time(a.q, b.q, pace) for b in ends] for a in starts])
 
 
-def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, last: bool) -> tuple[PlannedLeg, Waypoint]:
+def _leg(
+    a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, prefer_last: bool
+) -> tuple[PlannedLeg, Waypoint]:
     """Return the leg from a to b, and b as it is reached."""
     if _level(a, b):
         assert a.position is not None
         assert b.position is not None
         start, end = np.array(a.position[:2]), np.array(b.position[:2])
-        path = shortest(start, a.heading, end, b.heading, pace.radius, stop.side, length_min=stop.length_min, last=last)
-        return PlannedLeg(path if path.length >= ONE_PLACE else circle(start, a.heading, pace.radius, left=last)), b
+        path = shortest(
+            start, a.heading, end, b.heading, pace.radius, stop.side, length_min=stop.length_min, last=prefer_last
+        )
+        if path.length < ONE_PLACE:
+            path = circle(start, a.heading, pace.radius, left=prefer_last)
+        return PlannedLeg(path), b
     if stop.roll is None:
         return PlannedLeg(None), b
-    return PlannedLeg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace, last=last)[1])
+    _, angle = roll_time(a.q, b.q, stop.roll, pace, prefer_last=prefer_last)
+    return PlannedLeg(None), dataclasses.replace(b, rolled=angle)
 
 
 def _pieces(leg: PlannedLeg, count: int) -> list[PlannedLeg]:
@@ -273,18 +285,20 @@ def _pieces(leg: PlannedLeg, count: int) -> list[PlannedLeg]:
     return [PlannedLeg(leg.path.part(begin, end)) for begin, end in itertools.pairwise(edges.tolist())]
 
 
-def _turn(a: Waypoint, b: Waypoint, *, last: bool) -> tuple[float, float, float]:
-    roll, pitch, yaw = rotation_vector(a.q, b.q, a.rolled, last=last)
+def _turn(a: Waypoint, b: Waypoint, *, prefer_last: bool) -> tuple[float, float, float]:
+    roll, pitch, yaw = rotation_vector(a.q, b.q, a.rolled, prefer_last=prefer_last)
     return (b.rolled or roll, pitch, yaw)
 
 
-def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: PlannedLeg, *, last: bool) -> list[Waypoint]:
+def _on_the_way(
+    a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: PlannedLeg, *, prefer_last: bool
+) -> list[Waypoint]:
     """Return waypoints of passages that ask for a height alone, evenly between a and b."""
     waypoints: list[Waypoint] = []
     for number, passage in enumerate(heights, start=1):
         element, share = passage.element, number / (len(heights) + 1)
         if leg.path is None:
-            heading, climb, _ = angles(rotation(turn_by(a.q, _turn(a, b, last=last), share)))
+            heading, climb, _ = angles(rotation(turn_by(a.q, _turn(a, b, prefer_last=prefer_last), share)))
             waypoints.append(Waypoint(passage, None, heading, climb, None, heading, free=True))
             continue
         assert a.position is not None
@@ -372,7 +386,7 @@ def decisions_from_solution(
     row = {quantity.name: history for quantity, history in zip(states, state, strict=True)}
     q, r = np.stack([row[name] for name in QUATERNION]), np.stack([row[name] for name in POSITION])
     stops = stops_of(course)
-    ways = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
+    candidates = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
     angle = {
         stop: track_turn(r[:, first_node[before] : first_node[stop] + 1]).angle
         for before, stop in itertools.pairwise(stops)
@@ -388,7 +402,7 @@ def decisions_from_solution(
         for index, passage in enumerate(course.passages)
         if passage.element.two_edged
     }
-    return RouteDecisions(ways=ways, turns=turns, rolls=rolls, edges=edges)
+    return RouteDecisions(candidates=candidates, turns=turns, rolls=rolls, edges=edges)
 
 
 def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:

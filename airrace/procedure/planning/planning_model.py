@@ -56,17 +56,17 @@ ROUNDING = 1e-6
 
 
 def rotation_vector(
-    start: Sequence[float], end: Sequence[float], rolled: float = 0.0, *, last: bool = False
+    start: Sequence[float], end: Sequence[float], rolled: float = 0.0, *, prefer_last: bool = False
 ) -> tuple[float, float, float]:
     """Return the shortest rotation from one attitude to another as a vector in the rotating frame, rad.
 
     Of two that are half a circle long it is the one that pulls; if neither does, the one that rolls back where the
     aircraft has rolled before (`rolled`, rad, positive to the right). If that decides nothing either, both will do, and
-    rounding picks one of them; a mirror does not change which. With `last` it is the other one.
+    rounding picks one of them; a mirror does not change which. With `prefer_last` it is the other one.
     """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
-    either = -1.0 if (w < 0.0) is not last else 1.0
-    if next((one for one in (w, y, -x * rolled) if abs(one) > ROUNDING), either) < 0.0:
+    either = -1.0 if (w < 0.0) is not prefer_last else 1.0
+    if next((component for component in (w, y, -x * rolled) if abs(component) > ROUNDING), either) < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
@@ -76,9 +76,9 @@ def rotation_vector(
 def turn_by(start: Sequence[float], vector: Sequence[float], part: float) -> list[float]:
     """Return the attitude after a part of a rotation given as a vector in the rotating frame, rad."""
     vector = [part * angle for angle in vector]
-    angle = math.sqrt(sum(one * one for one in vector))
+    angle = math.sqrt(sum(component * component for component in vector))
     factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
-    return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])
+    return product(start, [math.cos(angle / 2), *(factor * component for component in vector)])
 
 
 def rotation_time(start: Sequence[float], end: Sequence[float], pace: PlanningModel) -> float:
@@ -93,7 +93,7 @@ def rotation_time(start: Sequence[float], end: Sequence[float], pace: PlanningMo
 
 
 def roll_time(
-    start: Sequence[float], end: Sequence[float], roll: Roll, pace: PlanningModel, *, last: bool = False
+    start: Sequence[float], end: Sequence[float], roll: Roll, pace: PlanningModel, *, prefer_last: bool = False
 ) -> tuple[float, float]:
     """Return the time (s) and the signed angle (rad, positive to the right) of a roll that leads from one attitude to
     another.
@@ -101,11 +101,11 @@ def roll_time(
     Where both sides are equally far it is to the right, or to the left where the last of equal choices is asked for.
     """
     between, pitch, yaw = rotation_vector(start, end)
-    angle = _least_roll(between, roll, last=last)
+    angle = _least_roll(between, roll, prefer_last=prefer_last)
     return abs(angle) / pace.p + _turning_time(pitch, yaw, pace), angle
 
 
-def _least_roll(between: float, roll: Roll, *, last: bool) -> float:
+def _least_roll(between: float, roll: Roll, *, prefer_last: bool) -> float:
     """Return the smallest roll that turns far enough and ends at the angle `between` (rad)."""
     right = roll.angle + _less_than_full(between - roll.angle)
     left = roll.angle + _less_than_full(-between - roll.angle)
@@ -115,7 +115,7 @@ def _least_roll(between: float, roll: Roll, *, last: bool) -> float:
         case Turning.LEFT:
             return -left
         case Turning.EITHER:
-            return right if right - left <= (-ROUNDING if last else ROUNDING) else -left
+            return right if right - left <= (-ROUNDING if prefer_last else ROUNDING) else -left
 
 
 def _less_than_full(angle: float) -> float:

@@ -54,40 +54,45 @@ def place(passage: Passage) -> tuple[float, float, float] | None:
 
 
 def candidates(course: Course, index: int) -> list[Waypoint]:
-    """Return the ways in which a passage of a course may be planned.
+    """Return all candidates for a passage of a course.
 
     They turn with the course: directions that are free are spread from the heading of its first element that has one.
     """
     passage = course.passages[index]
-    headings = (one.element.axis for one in course.passages)
+    headings = (stop.element.axis for stop in course.passages)
     first = next((heading for heading in headings if heading is not None), 0.0)
     crossings = passage.element.crossings(passage.direction, first, rolling=passage.roll is not None)
-    return [Waypoint(passage, one.position, one.heading, one.climb, one.bank, one.axis, one.free) for one in crossings]
+    return [
+        Waypoint(
+            passage, crossing.position, crossing.heading, crossing.climb, crossing.bank, crossing.axis, crossing.free
+        )
+        for crossing in crossings
+    ]
 
 
 @dataclasses.dataclass(frozen=True)
 class RouteDecisions:
-    """The choices that are made already, by the index of the passage concerned; the others are free.
+    """Decisions by the index of the passage concerned; whatever is absent is left to the plan.
 
     Attributes:
-        ways: the candidates that are left of a passage.
+        candidates: the only candidates of a passage.
         turns: the side to which the path turns on its way to this passage: 1 to the right, -1 to the left.
         rolls: the side of the roll on the leg that ends with this passage.
         edges: the wing that points down at a knife edge that allows either.
-        last: whether of equally short plans the last is taken instead of the first; a mirror exchanges the two.
+        prefer_last_on_ties: take the last of equally short plans instead of the first; a mirror exchanges the two.
         lengths: the least length of the path to this passage, m, where there is one as long.
     """
 
-    ways: Mapping[int, tuple[Waypoint, ...]] = field(default_factory=dict[int, tuple[Waypoint, ...]])
+    candidates: Mapping[int, tuple[Waypoint, ...]] = field(default_factory=dict[int, tuple[Waypoint, ...]])
     turns: Mapping[int, int] = field(default_factory=dict[int, int])
     rolls: Mapping[int, int] = field(default_factory=dict[int, int])
     edges: Mapping[int, int] = field(default_factory=dict[int, int])
-    last: bool = False
+    prefer_last_on_ties: bool = False
     lengths: Mapping[int, float] = field(default_factory=dict[int, float])
 
-    def candidates(self, course: Course, index: int) -> list[Waypoint]:
-        """Return the ways in which a passage may still be planned."""
-        return list(self.ways[index]) if index in self.ways else candidates(course, index)
+    def candidates_at(self, course: Course, index: int) -> list[Waypoint]:
+        """Return the candidates for a passage."""
+        return list(self.candidates[index]) if index in self.candidates else candidates(course, index)
 
     def roll(self, course: Course, index: int) -> Roll | None:
         """Return the roll on the leg that ends with a passage, to the chosen side; None for no roll."""
@@ -96,19 +101,19 @@ class RouteDecisions:
             return roll
         return dataclasses.replace(roll, turning=Turning.RIGHT if self.rolls[index] > 0 else Turning.LEFT)
 
-    def without_ways(self, *indices: int) -> "RouteDecisions":
-        """Return these choices, except for the ways in which some passages are crossed."""
-        left = {index: ways for index, ways in self.ways.items() if index not in indices}
-        return dataclasses.replace(self, ways=left)
+    def without_candidates(self, *indices: int) -> "RouteDecisions":
+        """Return these choices with all candidates of some passages left open."""
+        remaining = {index: own for index, own in self.candidates.items() if index not in indices}
+        return dataclasses.replace(self, candidates=remaining)
 
     def with_those_of(self, other: "RouteDecisions", stops: Set[int]) -> "RouteDecisions":
         """Return these decisions, but another flight's at some stops, and the paths by which it gets there."""
         changes: dict[str, Mapping[int, Any]] = {}  # Any: whatever is decided
-        for name in ("ways", "turns", "rolls", "edges", "lengths"):
+        for name in ("candidates", "turns", "rolls", "edges", "lengths"):
             own: Mapping[int, Any] = getattr(self, name)
-            others: Mapping[int, Any] = getattr(other, name)
-            kept = {index: decision for index, decision in own.items() if index not in stops}
-            changes[name] = {**kept, **{index: others[index] for index in others if index in stops}}
+            replacement: Mapping[int, Any] = getattr(other, name)
+            remaining = {index: decision for index, decision in own.items() if index not in stops}
+            changes[name] = {**remaining, **{index: replacement[index] for index in replacement if index in stops}}
         return dataclasses.replace(self, **changes)
 
     def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "RouteDecisions":
@@ -122,7 +127,7 @@ class RouteDecisions:
 
         return dataclasses.replace(
             self,
-            ways={index: (waypoints[index],) if index in waypoints else ways for index, ways in self.ways.items()},
+            candidates={i: (waypoints[i],) if i in waypoints else own for i, own in self.candidates.items()},
             turns={},
             rolls={i: side(waypoints[i].rolled) if i in waypoints else own for i, own in self.rolls.items()},
             edges={i: side(waypoints[i].bank) if i in waypoints else own for i, own in self.edges.items()},
@@ -132,5 +137,5 @@ class RouteDecisions:
 ANY = RouteDecisions()
 """The choices that leave everything to the plan."""
 
-MIRRORED_TIES = RouteDecisions(last=True)
+MIRRORED_TIES = RouteDecisions(prefer_last_on_ties=True)
 """The choices that leave everything to the plan, which decides ties the other way."""

@@ -142,7 +142,7 @@ def test_start_that_may_be_passed_either_way_is_tried_the_other_way() -> None:
     race = Race(course("from a pylon", *elements), EDGE_540, Air())
     forward = plan_of(race)
     backwards = [one for one in candidates(race.course, 0) if math.cos(one.axis - forward.waypoints[0].axis) < 0.0]
-    chosen = RouteDecisions(ways={0: tuple(backwards)})
+    chosen = RouteDecisions(candidates={0: tuple(backwards)})
     flight = prepared(race)
     wrong = dataclasses.replace(flight, plan=plan(race.course, flight.plan.cruise, chosen))
     with open_session() as session:

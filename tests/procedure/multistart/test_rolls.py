@@ -141,8 +141,8 @@ def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(mo
     """With two intervals between a gate and eleven fixed states there is no step."""
     base, left_out, rest = planned_coarse_solution(SLALOM), 0, [math.inf]
     for reach in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
-        settings = dataclasses.replace(roll_moves.SETTINGS, reach=reach, push_reach=reach)
-        monkeypatch.setattr(roll_moves, "SETTINGS", settings)
+        monkeypatch.setattr(roll_moves, "REACH", reach)
+        monkeypatch.setattr(roll_moves, "PUSH_REACH", reach)
         for one in rolls(base, SLALOM):
             ends = zip((one.pieces[0], one.pieces[-1]), one.spare, strict=True)
             rest += [piece.control.shape[1] - spare for piece, spare in ends if spare]
@@ -152,9 +152,9 @@ def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(mo
 
 
 def test_windows_of_pushes_are_wider_than_those_of_rolls() -> None:
-    base, settings = planned_coarse_solution(DIVING_EIGHT), roll_moves.SETTINGS
+    base = planned_coarse_solution(DIVING_EIGHT)
     (pulled,) = [one for one in rerolls(base.problem, base.iterate) if one.kind == PULLED]
-    assert pulled.reach == settings.push_reach > settings.reach
+    assert pulled.reach == roll_moves.PUSH_REACH > roll_moves.REACH
     (move,) = [one for one in rolls(base, DIVING_EIGHT) if one.kind == PULLED]
     assert (move.phases, move.changed) == (range(4), range(1))
 

@@ -295,13 +295,13 @@ def test_pace_never_pulls_more_than_the_rules_allow_and_turns_stay_narrow_enough
 
 @pytest.fixture
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many ways each search for a plan had to choose from at its stops, search by search."""
+    """The largest number of candidates at a stop, search by search."""
     found: list[int] = []
     search = planning._shortest
 
-    def counted(stops, pace, *, last):  # as the function that it stands in for
-        found.append(max(len(stop.ways) for stop in stops))
-        return search(stops, pace, last=last)
+    def counted(stops, pace, *, prefer_last):  # as the function that it stands in for
+        found.append(max(len(stop.candidates) for stop in stops))
+        return search(stops, pace, prefer_last=prefer_last)
 
     monkeypatch.setattr(planning, "_shortest", counted)
     return found
