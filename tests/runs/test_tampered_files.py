@@ -69,7 +69,7 @@ def test_hearsay_is_not_found_and_called_unverified(path: Path) -> None:
     told = ran("verify", path)
     assert told.exit_code == 0
     assert "unverified, for they cannot be measured again: messages, attempts and timings, " in told.stdout
-    assert "Nobody can verify messages, attempts and timings, " in ran("show", path, "--certificate").stdout
+    assert "Not verifiable: messages, attempts and timings, " in ran("show", path, "--certificate").stdout
 
 
 def test_run_of_other_versions_is_verified_on_request_but_for_these(path: Path) -> None:

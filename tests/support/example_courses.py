@@ -5,7 +5,7 @@ from pathlib import Path
 from airrace.files.inputs import load_inputs
 from airrace.race import Race
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"
 SHIPPED = sorted((ROOT / "tracks").glob("*.yaml"))
 

@@ -18,7 +18,7 @@ from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 @functools.cache

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from airrace.files.inputs import Document
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
 FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nsearch: "off"\n')
 
