@@ -49,9 +49,8 @@ NEGLIGIBLE = 1e-6
 SOLUTION = 0.2
 """The share of its limit for the race time on a coarser mesh, which is solved for anew from another start: 1 to 2 ms.
 
-Optima that are found from different starts differ by what an interior point method leaves of its barrier, 1e-4 s, and
-in flat valleys by more: 0.6 ms on a generated course of 47 s, 1.4 ms on another. The new value has to keep the limit,
-too.
+Optima that are found from different starts differ by what an interior point method leaves of its barrier, 1e-4 s, and in
+flat valleys by more: 0.6 ms on a generated course of 47 s, 1.4 ms on another. The new value has to keep the limit, too.
 """
 COUNTING = 1e-2
 """The largest difference between two numbers of active limits, as a fraction of these, and one of two curvatures, as
