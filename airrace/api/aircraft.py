@@ -55,5 +55,5 @@ def estimate_aircraft(
 
     for name_of_option in ("name", "from_", "output", "force"):
         del figures[name_of_option]
-    given = {key: text for key, text in figures.items() if text is not None}
-    return compare_with_manual(name, given, template=from_, output=output, force=force)
+    figure_texts = {key: text for key, text in figures.items() if text is not None}
+    return compare_with_manual(name, figure_texts, template=from_, output=output, force=force)

@@ -1,4 +1,4 @@
-"""Courses before the race: checked, begun, and those that come along; the languages of input files."""
+"""Courses before the race: checked, begun, and the shipped ones; the languages of input files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -62,7 +62,8 @@ def begin_course(
     name: Annotated[str | Path, Option("Name of the new course.", "NAME", written=True)],
     *,
     like: Annotated[
-        str | Path | None, Option("Copy this course, a file or a name that comes along.", "TRACK", completion="tracks")
+        str | Path | None,
+        Option("Copy this course, a file or the name of a shipped one.", "TRACK", completion="tracks"),
     ] = None,
     from_: Annotated[
         str | Path | None, Option("Sketch the course from placemarks: KML, KMZ, GPX or GeoJSON, in race order.", "FILE")
@@ -81,7 +82,7 @@ def begin_course(
 
 
 def tracks() -> "tuple[ShippedTrack, ...]":
-    """Return the courses that come along; their names stand for files everywhere.
+    """Return the shipped courses; their names stand for files everywhere.
 
     Examples:
         >>> [track.name for track in airrace.tracks()][:3]

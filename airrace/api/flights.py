@@ -98,7 +98,7 @@ def import_log(
     layout = with_columns(layout, columns)
     layout = layout if time_zone is None else with_zone(layout, time_zone)
     if noise is not None and not 0.0 < noise <= 100.0:
-        raise UsageError(f"a noise of {noise:g} m makes no sense: it must lie above 0 and not above 100")
+        raise UsageError(f"a noise of {noise:g} m is out of range: it must lie above 0 and not above 100")
     noise = stated_noise if noise is None else noise
     view = fly_log_through(Path(log), inputs, layout=layout, noise=noise, run=run, name=name)
     if path is not None:
@@ -142,8 +142,8 @@ def compare(
     for path in drawings:
         ensure_drawable(path)
     ensure_free(*drawings, force=force, sources=flights)
-    reference, *others = open_flights(flights, stage=options.stage_text(stage), verify=verify)
-    comparisons = [compare_flights(reference, flight) for flight in others]
+    reference, *more_flights = open_flights(flights, stage=options.stage_text(stage), verify=verify)
+    comparisons = [compare_flights(reference, flight) for flight in more_flights]
     if drawings:
         from airrace.pages.views.flight_figures import comparison_figure, loss_figure
 
@@ -175,13 +175,13 @@ def plot(
     path = output_path(output, flight, "kneeboard.png" if kneeboard else "png")
     ensure_drawable(path)
     ensure_free(path, force=force, sources=[flight])
-    opened = open_flight(flight, stage=options.stage_text(stage))
+    flight_ = open_flight(flight, stage=options.stage_text(stage))
     from airrace.pages.views.flight_figures import flight_figure
     from airrace.pages.views.kneeboard import kneeboard_figure
     from airrace.pages.views.tables import units_named
 
-    save_figure(kneeboard_figure(opened, units_named(units)) if kneeboard else flight_figure(opened), path)
-    return WrittenFlights(path, (opened,))
+    save_figure(kneeboard_figure(flight_, units_named(units)) if kneeboard else flight_figure(flight_), path)
+    return WrittenFlights(path, (flight_,))
 
 
 def report(
@@ -207,11 +207,11 @@ def report(
 
     path, names = output_path(output, run, "html"), [str(run), *flights]
     ensure_free(path, force=force, sources=names)
-    page, opened = report_of_flights(
+    page, page_flights = report_of_flights(
         names, stage=options.stage_text(stage), sensitivities=sensitivities, verify=verify, envelope=envelope
     )
     write_text(path, page)
-    return WrittenFlights(path, tuple(opened))
+    return WrittenFlights(path, tuple(page_flights))
 
 
 def film(
@@ -246,9 +246,9 @@ def film(
     path = output_path(output, flights[0], "mp4")
     settings = film_settings(path, view=view, format=format, size=size, fps=fps, from_=from_, to=to, seconds=seconds)
     ensure_free(path, force=force, sources=flights)
-    page, opened = report_of_flights(flights, stage=options.stage_text(stage), verify=verify)
+    page, page_flights = report_of_flights(flights, stage=options.stage_text(stage), verify=verify)
     replace_file(path, film_of(page, settings, path.suffix, watch))
-    return WrittenFlights(path, tuple(opened))
+    return WrittenFlights(path, tuple(page_flights))
 
 
 def card(
@@ -273,9 +273,9 @@ def card(
     path = output_path(output, flight, "card.png")
     ensure_card(path)
     ensure_free(path, force=force, sources=[flight])
-    page, opened = report_of_flights([flight], stage=options.stage_text(stage), verify=verify)
+    page, page_flights = report_of_flights([flight], stage=options.stage_text(stage), verify=verify)
     replace_file(path, card_of(page))
-    return WrittenFlights(path, tuple(opened))
+    return WrittenFlights(path, tuple(page_flights))
 
 
 def export(
@@ -311,8 +311,8 @@ def export(
     from airrace.runs.flight_sources import open_flights, write_flights
     from airrace.runs.output import ensure_free, output_path
 
-    known = formats().get(format)
-    path = output_path(output, flights[0], format if known is None else known.suffix or format)
+    exporter = formats().get(format)
+    path = output_path(output, flights[0], format if exporter is None else exporter.suffix or format)
     ensure_free(path, force=force, sources=flights)
     write_flights(
         format,

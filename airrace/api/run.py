@@ -146,7 +146,7 @@ class Run(RunState):
         What is None is as `rules.reserve` has it by default.
 
         Raises:
-            InputError: an option says nothing sensible.
+            InputError: an option is not valid.
             UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
         """
         from airrace.runs.reserve import fly_reserve, reserve_named  # takes what flies
@@ -175,7 +175,7 @@ class Run(RunState):
             options: of `StageView.safety`; `threads` solve the runs, too.
 
         Raises:
-            UsageError: it is no rose, or an argument says nothing sensible.
+            UsageError: it is no rose, or an argument is out of range.
         """
         from airrace.runs.safety_rose import fly_rose  # takes what flies
 
@@ -202,7 +202,7 @@ class Run(RunState):
             output: a file to be written, `.geojson`, `.kml`, `.csv`, `.png`, `.svg` or `.pdf`; None for none.
 
         Raises:
-            UsageError: an argument says nothing sensible, there is no such stage, or it found no flight.
+            UsageError: an argument is out of range, there is no such stage, or it found no flight.
             StorageError: the system refused.
         """
         from airrace.runs.flight_sources import flight_footprint
@@ -279,12 +279,12 @@ class Run(RunState):
             model: the aircraft that X-Plane shows, as `--aircraft-model`.
 
         Raises:
-            UsageError: there is no such format or stage, an argument says nothing sensible, the course has no origin
+            UsageError: there is no such format or stage, an argument is out of range, the course has no origin
                 where the format needs one, or a library that it needs is not installed.
             StorageError: the system refused.
         """
-        target, opened = Path(path), lambda: [self.flight(stage)]
-        write_flights(format_name, opened, target, rate=rate, origin=origin, start=start, model=model)
+        target, open_flight = Path(path), lambda: [self.flight(stage)]
+        write_flights(format_name, open_flight, target, rate=rate, origin=origin, start=start, model=model)
         return target
 
     def report(
@@ -341,7 +341,7 @@ class Run(RunState):
             view, format, size, fps, from_, to, seconds: as those of the command, see `airrace.api.flights.film`.
 
         Raises:
-            UsageError: an argument says nothing sensible, or Chromium or ffmpeg is not found.
+            UsageError: an argument is out of range, or Chromium or ffmpeg is not found.
             StorageError: one of them fails, or the system refused.
         """
         settings = film_settings(

@@ -140,35 +140,35 @@ def safety(
         "seed": seed,
         "threads": threads,
     }
-    named: dict[str, Run] = {}
+    runs_by_name: dict[str, Run] = {}
     tracks: list[Path] = []
-    for given in runs:
-        if isinstance(given, RunState):
-            named[given.label] = Run.of(given)
-        elif Path(given).suffix.lower() == ".h5":
-            named[str(given)] = Run.of(open_run(Path(given)))
+    for run_or_file in runs:
+        if isinstance(run_or_file, RunState):
+            runs_by_name[run_or_file.label] = Run.of(run_or_file)
+        elif Path(run_or_file).suffix.lower() == ".h5":
+            runs_by_name[str(run_or_file)] = Run.of(open_run(Path(run_or_file)))
         else:
-            tracks.append(Path(given))
+            tracks.append(Path(run_or_file))
     if aircraft and not tracks:
         raise UsageError("--aircraft is of a TRACK that is solved first: none is named")
-    for track, flown in product(tracks, aircraft or [None]):
-        run = optimize(track, aircraft=flown, threads=threads, progress=progress)
-        named[f"{track} {run.race.aircraft.name}"] = run
+    for track, aircraft_ in product(tracks, aircraft or [None]):
+        run = optimize(track, aircraft=aircraft_, threads=threads, progress=progress)
+        runs_by_name[f"{track} {run.race.aircraft.name}"] = run
 
     def case_of(run: Run) -> SafetyCase | SafetyRose:
         if winds is not None:
             return run.safety_in_winds(winds, progress=progress, **loop)
         return run.stage(stage).safety(**loop, label=run.label)
 
-    run = next(iter(named.values()))
-    case = case_of(run) if len(named) == 1 else fly_runs(named, case_of)
+    run = next(iter(runs_by_name.values()))
+    case = case_of(run) if len(runs_by_name) == 1 else fly_runs(runs_by_name, case_of)
     if path is not None:
-        shown = None
+        last_view = None
         if path.suffix.lower() not in NUMBERS:
             view = run.stage(stage)
             own = case if isinstance(case, SafetyCase) else view.safety(**loop, label=run.label)
-            shown = run, view, own
-        write_safety_file(path, case, shown, sign_for)
+            last_view = run, view, own
+        write_safety_file(path, case, last_view, sign_for)
     return case
 
 
@@ -211,5 +211,5 @@ def footprint(
     if path is not None:
         ensure_footprint_file(path)
         ensure_free(path, force=force, sources=[flight])
-    opened = open_flight(flight, stage=options.stage_text(stage))
-    return flight_footprint(opened, drag_area, glide_ratio, path, origin), opened
+    flight_ = open_flight(flight, stage=options.stage_text(stage))
+    return flight_footprint(flight_, drag_area, glide_ratio, path, origin), flight_

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 @command(estimate_aircraft)
 def aircraft(answer: Answer, call: "partial[ComparedAircraft]") -> None:
-    compared = call()
-    answer.fields.update(name=compared.aircraft.name, compared=compared.table.objects())
-    if compared.path is not None:
-        remark = f"; fly it with `airrace optimize rovinj_2014 --aircraft {compared.path}`"
-        answer.add_files(compared.path, remark=remark)
-    answer.add(compared.table)
+    comparison = call()
+    answer.fields.update(name=comparison.aircraft.name, compared=comparison.table.objects())
+    if comparison.path is not None:
+        remark = f"; fly it with `airrace optimize rovinj_2014 --aircraft {comparison.path}`"
+        answer.add_files(comparison.path, remark=remark)
+    answer.add(comparison.table)
 
 
 def _fit(
@@ -68,13 +68,13 @@ def fit(answer: Answer, call: "partial[FittedAircraft]") -> None:
     from airrace.procedure.stage import STAGES
 
     with watching(stem_of(call.keywords["course"]), STAGES, quiet=answer.quiet) as progress:
-        fitted = call(progress=progress)
+        fit_result = call(progress=progress)
     answer.fields.update(
-        name=fitted.aircraft.name,
-        fitted=fitted.table.objects(),
-        correlations=fitted.correlations.tolist(),
-        winds_m_s=fitted.estimate.winds.tolist(),
-        bias=fitted.bias.tolist(),
+        name=fit_result.aircraft.name,
+        fitted=fit_result.table.objects(),
+        correlations=fit_result.correlations.tolist(),
+        winds_m_s=fit_result.estimate.winds.tolist(),
+        bias=fit_result.bias.tolist(),
     )
     answer.add_files(call.keywords["output"])
-    answer.add(fitted.table)
+    answer.add(fit_result.table)

@@ -34,7 +34,7 @@ FINDINGS_SHOWN = 20
 UNLIMITED_WIDTH = 200
 """Columns that are enough for every table where no terminal sets a limit."""
 PAGE = 80
-"""Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
+"""Columns of a page: of tables that are wrapped to it where no terminal sets a limit."""
 
 
 @dataclass
@@ -121,7 +121,7 @@ class _Log(logging.Handler):
 def _say(answer: CommandResult, *, as_json: bool) -> None:
     """Print the answer: the object or the texts on stdout.
 
-    Findings and errors go to stderr either way, for whoever watches a script.
+    Findings and errors go to stderr either way, where a script logs them.
     """
     if answer.error:
         answer.fields["error"] = answer.error
@@ -179,8 +179,8 @@ def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH)
     from airrace.pages.views.terminal import PlainConsole  # imported here, for it takes 0.05 s to load
 
     terminal = sys.stdout.isatty()
-    written = io.BytesIO()
-    text = io.TextIOWrapper(written, encoding=_encoding(), errors="backslashreplace", newline="\n")
+    buffer = io.BytesIO()
+    text = io.TextIOWrapper(buffer, encoding=_encoding(), errors="backslashreplace", newline="\n")
     console = PlainConsole(
         file=text,
         force_terminal=terminal,
@@ -199,7 +199,7 @@ def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH)
     console.width = max(console.width, console.measure(drawing, options=free).minimum)
     console.print(drawing)
     text.flush()
-    return "\n".join(line.rstrip() for line in written.getvalue().decode(_encoding()).splitlines())
+    return "\n".join(line.rstrip() for line in buffer.getvalue().decode(_encoding()).splitlines())
 
 
 def _fitted(table: Table, columns: int, narrowest: Callable[[Table], int]) -> Table:

@@ -45,7 +45,7 @@ def batch(
     from airrace.runs.batch.supervision import supervise
 
     answer.fields = {"certified": False, "jobs": []}
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     jobs, reports = call(), Reports(csv, junit, markdown)
     if dry_run:
         plan = jobs.checked_plan()
@@ -56,14 +56,14 @@ def batch(
         reports.ensure_writable(plan)
         with stopping() as stop_asked, watching_batch(quiet=answer.quiet) as watcher:
             results = supervise(plan, pool, jobs, watcher, stop_asked=stop_asked)
-    answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=answer.quiet)
+    answer_with(answer, plan, results, reports, wall=time.perf_counter() - start_time, quiet=answer.quiet)
 
 
 ONE_REQUEST = 0.3
 """The time within which two signals are one request, s.
 
-Whoever ends a process and its group, as `timeout` does, signals it twice within a millisecond; nobody presses Ctrl-C
-twice as fast as this.
+A program that ends a process and its group, as `timeout` does, signals it twice within a millisecond; no user presses
+Ctrl-C twice as fast as this.
 """
 
 
@@ -74,18 +74,18 @@ def stopping() -> Generator[Callable[[], bool], None, None]:
     Ctrl-C (or SIGTERM) asks; the second time, everything is dropped at once. What is asked for ends no sooner than all
     signals of one request have come, for the last of them would interrupt the tables.
     """
-    asked: list[float] = []
+    request_times: list[float] = []
 
     def ask(number: int, frame: FrameType | None) -> None:
-        if not asked:
-            asked.append(time.monotonic())
-        elif time.monotonic() - asked[0] > ONE_REQUEST:
+        if not request_times:
+            request_times.append(time.monotonic())
+        elif time.monotonic() - request_times[0] > ONE_REQUEST:
             raise KeyboardInterrupt
 
     before = {number: signal.signal(number, ask) for number in interrupts.SIGNALS}
     try:
-        yield lambda: bool(asked)
-        for began in asked:
+        yield lambda: bool(request_times)
+        for began in request_times:
             time.sleep(max(0.0, began + ONE_REQUEST - time.monotonic()))
     finally:
         for number, handler in before.items():
@@ -141,15 +141,15 @@ def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
     def tell(done: int, number: int) -> None:
         print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=terminal, flush=True)
 
-    swept = call(tell=tell) if not answer.quiet and sys.stderr.isatty() else call()
-    answer.fields.update(swept.as_object())
-    table = swept.table()
+    result = call(tell=tell) if not answer.quiet and sys.stderr.isatty() else call()
+    answer.fields.update(result.as_object())
+    table = result.table()
     left = len(table.rows) - ROWS_SHOWN
     more = (f"{left} more; --output writes all",) if left > 0 else ()
     answer.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
     answer.add_files(call.keywords["output"])
-    if unsolved := len(swept.points) - swept.solved:
-        answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(swept.points)} combinations have no optimum")
+    if unsolved := len(result.points) - result.solved:
+        answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")
 
 
 def _fairness(
@@ -221,9 +221,9 @@ def fairness(answer: Answer, call: "partial[Fairness]") -> None:
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    found = call() if answer.quiet and call.keywords["csv"] != STANDARD else call(tell=tell)
-    answer.fields.update(found.as_object())
-    answer.add(*found.tables())
+    result = call() if answer.quiet and call.keywords["csv"] != STANDARD else call(tell=tell)
+    answer.fields.update(result.as_object())
+    answer.add(*result.tables())
     answer.add_files(call.keywords["csv"])
-    if found.messages:
-        answer.fail(ExitCode.NOT_CERTIFIED, found.messages[0])
+    if result.messages:
+        answer.fail(ExitCode.NOT_CERTIFIED, result.messages[0])

@@ -85,9 +85,9 @@ def describe_plan(answer: CommandResult, plan: BatchPlan, *, quiet: bool) -> Non
         "counts": {action: actions.count(action) for action in ("fly", "keep", "refuse")},
     }
     if not quiet:
-        lines = [
-            f"{one['name']}: {one['action']}" + (f" ({one['reason']})" if one["reason"] else "") for one in objects
-        ]
+        lines: list[str] = []
+        for step in plan.steps:
+            lines.append(f"{step.name}: {step.action}" + (f" ({step.reason})" if step.reason else ""))
         answer.texts.append("\n".join([*lines, plan_line(plan)]))
     _fail_for_inputs(answer, plan, [step.result for step in plan.steps if step.result and step.action == "refuse"])
 
@@ -133,7 +133,7 @@ def answer_with(
 
 def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[JobResult]) -> None:
     """Report all findings, each once."""
-    findings = list(dict.fromkeys([*plan.findings, *(finding for one in results for finding in one.findings)]))
+    findings = list(dict.fromkeys([*plan.findings, *(finding for result in results for finding in result.findings)]))
     if findings:
         number = len(findings)
         more = [] if number <= FINDINGS_MAX else [Finding("", 0, 0, "", f"and {number - FINDINGS_MAX} more findings")]
@@ -185,11 +185,11 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
         cells = [(*cells, message) for cells, message in zip(numbers, messages, strict=True)]
         return [Table(title, (*table.columns, _MESSAGE), cells) if has_messages else table]
     jobs = [fold_name(row.name) for row in rows]
-    said = [(job, message) for job, message in zip(jobs, messages, strict=True) if message]
+    reports = [(job, message) for job, message in zip(jobs, messages, strict=True) if message]
     return [
         Table(title, _RANKING, [(job, *rank) for job, rank in zip(jobs, ranks, strict=True)]),
-        Table("how they were flown", (_JOB, *heads), [(job, *one) for job, one in zip(jobs, flights, strict=True)]),
-        *([Table("what was said of them", (_JOB, _MESSAGE), said)] if said else []),
+        Table("flights", (_JOB, *heads), [(job, *flight) for job, flight in zip(jobs, flights, strict=True)]),
+        *([Table("messages", (_JOB, _MESSAGE), reports)] if reports else []),
     ]
 
 
@@ -225,7 +225,7 @@ def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) ->
             table = replace(table, rows=rows)
         tables.append(table)
         if summary.bearings:
-            directions = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
+            directions = [(bearing.from_deg, bearing.mean, bearing.per_knot) for bearing in summary.bearings]
             tables.append(Table("by direction of the wind", _DIRECTIONS, directions))
     return tables
 
@@ -367,8 +367,8 @@ def plan_line(plan: BatchPlan) -> str:
 def _ending_line(step: PlannedJob, result: JobResult) -> str:
     race_time = "" if result.race_time is None else f", race time {result.race_time:.3f} s"
     state, message = STATES.get(result.code, "failed"), " ".join(result.message.split())
-    said = f": {message}" if message not in ("", state) else ""
-    return f"{step.name}: {state}{race_time}, {result.wall:.1f} s{said}"
+    detail = f": {message}" if message not in ("", state) else ""
+    return f"{step.name}: {state}{race_time}, {result.wall:.1f} s{detail}"
 
 
 def _circumstances(attempt: int, where: str) -> str:

@@ -1,4 +1,4 @@
-"""What a shell offers while a command is typed: names that come along, files, stages."""
+"""What a shell offers while a command is typed: shipped names, files, stages."""
 
 import os
 from pathlib import Path
@@ -8,12 +8,12 @@ from airrace.runtime.resources import shipped_folder
 
 
 def complete_track(incomplete: str) -> list[str]:
-    """Return the courses that come along, track files and folders whose names begin like this."""
+    """Return the shipped courses, track files and folders whose names begin like this."""
     return _complete("tracks", incomplete)
 
 
 def complete_aircraft(incomplete: str) -> list[str]:
-    """Return the aircraft that come along, files and folders whose names begin like this."""
+    """Return the shipped aircraft, files and folders whose names begin like this."""
     return _complete("configs", incomplete)
 
 

@@ -119,13 +119,15 @@ def _surroundings(race: Race) -> Iterator[list[str]]:
         north, east = np.mean(places, axis=0)
         distance = f"{crowd.distance:g} m {'slant' if crowd.slant else 'over ground'}"
         yield [crowd.name, "crowd", f"{shape} ({north:.0f}, {east:.0f})", distance]
-    for one in race.course.obstacles:
-        north, east = np.mean([(place.north, place.east) for place in one.places], axis=0)
-        radius = one.radius + float(np.hypot(*(np.ptp([(p.north, p.east) for p in one.places], axis=0)))) / 2.0
-        size = f"{one.height:g} m high" + (f", within {radius:.0f} m" if radius else "")
-        yield [one.name, "obstacle", f"{size} about ({north:.0f}, {east:.0f})", f"{one.clearance:g} m from the wing"]
+    for obstacle in race.course.obstacles:
+        places = [(place.north, place.east) for place in obstacle.places]
+        north, east = np.mean(places, axis=0)
+        radius = obstacle.radius + 0.5 * float(np.hypot(*np.ptp(places, axis=0)))
+        size = f"{obstacle.height:g} m high" + (f", within {radius:.0f} m" if radius else "")
+        where = f"{size} about ({north:.0f}, {east:.0f})"
+        yield [obstacle.name, "obstacle", where, f"{obstacle.clearance:g} m from the wing"]
     for line in race.course.safety_lines:
-        start, end = (f"({one.north:.0f}, {one.east:.0f})" for one in (line.start, line.end))
+        start, end = (f"({end_point.north:.0f}, {end_point.east:.0f})" for end_point in (line.start, line.end))
         where = f"{'right' if line.keep_right else 'left'} of {start} to {end}"
         yield [line.name, "safety line", where, f"{line.margin:g} m"]
     corners = race.course.airspace
@@ -162,12 +164,12 @@ _PLANNED = (
 )
 
 
-def planned_table(planned: Flight, clearances: Sequence[Clearance]) -> Table:
+def planned_table(flight: Flight, clearances: Sequence[Clearance]) -> Table:
     """Return a table of the least distances of a planned flight."""
     cells: list[tuple[str | float, ...]] = []
-    for one in clearances:
-        before, after = passings_around(planned, one.time)
-        thing = f"wing to {one.text}" if one.kind in ("pylon", "obstacle") else one.text
-        place = (one.north, one.east, one.height)
-        cells.append((thing, one.distance, one.required, *place, f"{before.name} and {after.name}"))
-    return Table(f"least distances of the line that is {planned.source.remark}", _PLANNED, cells)
+    for clearance in clearances:
+        before, after = passings_around(flight, clearance.time)
+        thing = f"wing to {clearance.text}" if clearance.kind in ("pylon", "obstacle") else clearance.text
+        place = (clearance.north, clearance.east, clearance.height)
+        cells.append((thing, clearance.distance, clearance.required, *place, f"{before.name} and {after.name}"))
+    return Table(f"least distances of the line that is {flight.source.remark}", _PLANNED, cells)

@@ -52,7 +52,7 @@ def init(answer: Answer, call: "partial[CourseFile]") -> None:
 
 
 def _catalogue() -> "Catalogue":
-    """List the courses, aircraft and rule books that come along.
+    """List the shipped courses, aircraft and rule books.
 
     Their names stand for files in every command, and in track files.
     """
@@ -65,15 +65,15 @@ def _catalogue() -> "Catalogue":
 def tracks(answer: Answer, call: "partial[Catalogue]") -> None:
     from airrace.pages.views.tables import Column, Table
 
-    listed = call()
-    answer.fields.update(listed.as_object())
+    catalogue = call()
+    answer.fields.update(catalogue.as_object())
     heads = (*map(Column, ("name", "course", "aircraft")), Column("laps", form="d"), Column("passings", form="d"))
-    rows = [(track.name, track.title, track.aircraft, track.laps, track.passages) for track in listed.tracks]
-    aircraft = [(aircraft.name, aircraft.title) for aircraft in listed.aircraft]
+    rows = [(track.name, track.title, track.aircraft, track.laps, track.passages) for track in catalogue.tracks]
+    aircraft = [(aircraft.name, aircraft.title) for aircraft in catalogue.aircraft]
     answer.add(
         Table("courses", heads, rows),
         Table("aircraft", (Column("name"), Column("aircraft")), aircraft),
-        paragraph(f"rule books (rules: NAME): {', '.join(listed.rules)}"),
+        paragraph(f"rule books (rules: NAME): {', '.join(catalogue.rules)}"),
     )
 
 

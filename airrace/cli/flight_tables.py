@@ -29,10 +29,10 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
     title = f"{flight.label}: race time {race_time}, as flown{verified}"
     yield render(passings_table(flight, title), columns=PAGE)
     if log.violations:
-        listed, others = select_violations(log.violations)
+        listed, rest = select_violations(log.violations)
         yield render(violations_table(listed, "rules that would be broken"), columns=PAGE)
-        if others:
-            yield paragraph(others)
+        if rest:
+            yield paragraph(rest)
     yield f"penalties of what is certain: {penalty_text(log.penalty)}"
     if laps := laps_text(flight):
         yield paragraph(laps)

@@ -59,12 +59,12 @@ def brief(
 
     if answer.as_json and csv:
         raise UsageError("--json and --csv exclude each other")
-    found = call()
-    answer.fields.update(found.as_object())
+    import_result = call()
+    answer.fields.update(import_result.as_object())
     if csv:
-        answer.add(found.to_csv())
+        answer.add(import_result.to_csv())
     elif answer.shows:
-        answer.add(found.table(units_named(units), unicode=takes_unicode()), columns=PAGE)
+        answer.add(import_result.table(units_named(units), unicode=takes_unicode()), columns=PAGE)
 
 
 @command(flights.compare)
@@ -79,8 +79,9 @@ def compare(
 
     comparisons = call()
     reference = comparisons[0].reference
-    compared = [reference, *(comparison.other for comparison in comparisons)]
-    answer.fail_if_refuted({flight.label: flight.source.confirmation for flight in compared})
+    sources = {comparison.other.label: comparison.other.source for comparison in comparisons}
+    sources = {reference.label: reference.source} | sources
+    answer.fail_if_refuted({label: source.confirmation for label, source in sources.items()})
     answer.fields.update(comparison_object(reference, comparisons))
     if answer.shows:
         answer.add(*comparison_texts(comparisons, every=all_))
@@ -96,13 +97,13 @@ def plot(answer: Answer, call: "partial[WrittenFlights]") -> None:
 
 @command(flights.report)
 def report(answer: Answer, call: "partial[WrittenFlights]") -> None:
-    run, *others = call.args
+    run, *more_flights = call.args
     _choose_output(answer, call, run, "html")
-    written = call()
-    confirmations = _confirmations(answer, written)
+    result = call()
+    confirmations = _confirmations(answer, result)
     answer.fields["verified"] = [confirmation and confirmation.verified for confirmation in confirmations.values()]
     answer.fields["verification"] = [confirmation and confirmation.words for confirmation in confirmations.values()]
-    answer.add_files(written.path, remark="; any browser opens it", format="html", flights=[str(run), *others])
+    answer.add_files(result.path, remark="; any browser opens it", format="html", flights=[str(run), *more_flights])
     for label, confirmation in confirmations.items():
         if confirmation is not None:
             answer.add(f"{label}: {confirmation.remark}")
@@ -119,23 +120,23 @@ def film(answer: Answer, call: "partial[WrittenFlights]") -> None:
     def watch(share: float) -> None:
         print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=terminal, flush=True)
 
-    written = call(watch=watch) if not answer.quiet and sys.stderr.isatty() else call()
-    _confirmations(answer, written)
-    answer.add_files(written.path, format=written.path.suffix[1:].lower(), flights=list(names))
+    result = call(watch=watch) if not answer.quiet and sys.stderr.isatty() else call()
+    _confirmations(answer, result)
+    answer.add_files(result.path, format=result.path.suffix[1:].lower(), flights=list(names))
 
 
 @command(flights.card)
 def card(answer: Answer, call: "partial[WrittenFlights]") -> None:
     name = call.keywords["flight"]
     _choose_output(answer, call, name, "card.png")
-    written = call()
-    _confirmations(answer, written)
-    answer.add_files(written.path, format="png", flights=[name])
+    result = call()
+    _confirmations(answer, result)
+    answer.add_files(result.path, format="png", flights=[name])
 
 
-def _confirmations(answer: Answer, written: WrittenFlights) -> "dict[str, Confirmation | None]":
+def _confirmations(answer: Answer, result: WrittenFlights) -> "dict[str, Confirmation | None]":
     """Return the outcome of measuring the flights again; one that is refuted fails the command."""
-    confirmations = {flight.label: flight.source.confirmation for flight in written.flights}
+    confirmations = {flight.label: flight.source.confirmation for flight in result.flights}
     answer.fail_if_refuted(confirmations)
     return confirmations
 
@@ -148,9 +149,9 @@ class _Formats(TyperGroup):
         return [*super().list_commands(ctx), *(name for name in _formats() if name not in self.commands)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        known = super().get_command(ctx, cmd_name)
-        form = None if known else _formats().get(cmd_name)
-        return known if form is None else _subcommand(form)
+        subcommand = super().get_command(ctx, cmd_name)
+        form = None if subcommand else _formats().get(cmd_name)
+        return subcommand if form is None else _subcommand(form)
 
 
 export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True, cls=_Formats)

@@ -91,18 +91,18 @@ def solve_known_problem() -> str:
     Raises:
         AirraceError: the answer is another one, or the solver process died.
     """
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     system = system_of("cart", _Motion, _Thrust, lambda x, u: _Motion(position=x.speed, speed=u.acceleration))
     within, rest = Interval(0.01, 5.0), Interval.exactly(0.0)
-    there = Boundary(bounds={"position": Interval.exactly(1.0), "speed": rest})
-    phases = (Phase("go", uniform(1), within), Phase("stop", uniform(1), within, there))
+    target = Boundary(bounds={"position": Interval.exactly(1.0), "speed": rest})
+    phases = (Phase("go", uniform(1), within), Phase("stop", uniform(1), within, target))
     start = Boundary(bounds={"position": rest, "speed": rest})
     problem = Problem(system, parameters=(), start=start, phases=phases)
     ends = (_Motion(position=0.0, speed=0.0), _Motion(position=0.4, speed=0.5), _Motion(position=1.0, speed=0.0))
     solution = solve(problem, interpolate(problem, [1.5, 0.8], corners(*ends), [0.0]))
     if not abs(solution.objective - 2.0) < 1e-5:
         raise AirraceError(f"{solution.objective:.6f} s instead of 2 s ({solution.status})")
-    return f"a known answer in {time.perf_counter() - started:.1f} s"
+    return f"a known answer in {time.perf_counter() - start_time:.1f} s"
 
 
 def _packages() -> Iterator[Component]:

@@ -60,8 +60,8 @@ for _name, _command in {
 _CallError = cast(type[typer.BadParameter], typer.BadParameter.__base__)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(print_version: bool) -> None:
+    if print_version:
         from importlib.metadata import version
 
         print(f"airrace {version('airrace')}")

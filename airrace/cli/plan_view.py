@@ -68,7 +68,7 @@ class Canvas:
         begins = np.concatenate([[0.0], np.cumsum(lengths)])
         steps = np.arange(0.0, begins[-1] + 0.5)
         steps = steps[steps % (on + off) < on]
-        row, column = (np.floor(np.interp(steps, begins, one)).astype(int) for one in (down, across))
+        row, column = (np.floor(np.interp(steps, begins, coordinates)).astype(int) for coordinates in (down, across))
         within = (row >= 0) & (row < self._dots.shape[0]) & (column >= 0) & (column < self._dots.shape[1])
         self.paint(layer, row[within], column[within])
 
@@ -167,11 +167,11 @@ def plan_view(map_: MapModel, *, columns: int = COLUMNS, plain: bool = False) ->
             canvas.write_beside(mark.north, mark.east, mark.label, "bold")
     for crowd in map_.crowd:
         canvas.write_beside(crowd.corners[0].north, crowd.corners[0].east, crowd.name, CROWD.style)
-    for one, _ in map_.obstacles:
-        where = one.places[0].north, one.places[0].east
-        if len(one.places) == 1:
+    for obstacle, _ in map_.obstacles:
+        where = obstacle.places[0].north, obstacle.places[0].east
+        if len(obstacle.places) == 1:
             canvas.write(*canvas.cell(*where), OBSTACLE.plain, OBSTACLE.style)
-        canvas.write_beside(*where, one.name, OBSTACLE.style)
+        canvas.write_beside(*where, obstacle.name, OBSTACLE.style)
     for line in map_.lines:
         canvas.write_beside(line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
     if len(map_.ways) <= ARROWS_MAX:
@@ -277,5 +277,9 @@ def _legend(map_: MapModel, plain: bool) -> Text:
         ("safety line, shaded where forbidden", SAFETY, bool(map_.lines)),
         ("airspace", AIRSPACE, map_.airspace is not None),
     ]
-    texts = [Text(f"{layer.plain} {name}" if plain else name, layer.style) for name, layer, shown in entries if shown]
+    texts = [
+        Text(f"{layer.plain} {name}" if plain else name, layer.style)
+        for name, layer, is_visible in entries
+        if is_visible
+    ]
     return Text("  ").join(texts)

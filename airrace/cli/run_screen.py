@@ -51,7 +51,7 @@ logger = logging.getLogger(__name__)
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 REFUSED = "this version of airrace refuses the inputs"
-NOBODY_CAN = f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
+CANNOT_VERIFY = f"Not verifiable: {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
 
 
 LIMITS_MAX = 5
@@ -107,8 +107,8 @@ class StoredStages:
     @property
     def verified(self) -> bool | None:
         """Whether all stages that are shown are verified; None where some are not, and none is refuted."""
-        verified = [one.verified for one in self.confirmations.values()]
-        return False if False in verified else True if verified and all(verified) else None
+        outcomes = [confirmation.verified for confirmation in self.confirmations.values()]
+        return False if False in outcomes else True if outcomes and all(outcomes) else None
 
     def as_object(self) -> dict[str, object]:
         """Return the object of the run, with `legs` and `laps` in the stage whose flight is shown.
@@ -142,24 +142,30 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
         UsageError: the run has no such stage.
     """
     run, refusal = None, ""
-    shown = [one.result.stage for one in checkpoint.stages if stage in (None, one.result.stage.value)]
+    selected_stages = [
+        stored_stage.result.stage
+        for stored_stage in checkpoint.stages
+        if stage in (None, stored_stage.result.stage.value)
+    ]
     try:
-        run = with_confirmations(ensure_readable(run_of_checkpoint(checkpoint, path)), shown, verify=verify)
+        run = with_confirmations(ensure_readable(run_of_checkpoint(checkpoint, path)), selected_stages, verify=verify)
         every = run.valid_results
     except InputError as error:  # the stages may stand on these inputs as they are stored
         refusal = str(error.findings[0])
         stale = dict(stale_stages(checkpoint, inputs_hash(checkpoint.inputs.resolved)))
-        stored = (one.result for one in checkpoint.stages)
-        every = tuple(downgrade_stale(result, stale.get(result.stage, "")) for result in stored)
+        stored_results = (stored_stage.result for stored_stage in checkpoint.stages)
+        every = tuple(downgrade_stale(result, stale.get(result.stage, "")) for result in stored_results)
     results = tuple(result for result in every if stage in (None, result.stage.value))
     if stage is not None and not results:
         names = ", ".join(result.stage.value for result in every) or "none"
         raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
-    confirmations = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
+    confirmations = (
+        run.confirmations if run is not None else {stage_: Confirmation(None, REFUSED) for stage_ in selected_stages}
+    )
     if run is not None:
         flight = None if name is None else run.flight(name)
-        stamps = {one.stage: one.stamp for one in run.stages}
+        stamps = {view.stage: view.stamp for view in run.stages}
         return StoredStages(checkpoint, path, every, results, confirmations, flight, name or "", stamps)
     if name is not None:
         logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
@@ -174,7 +180,7 @@ def solved_stages(run: RunState) -> StoredStages:
     return StoredStages(run.checkpoint, run.path, every, every, {}, flight, name, {last.stage: last.stamp})
 
 
-def run_texts(shown: StoredStages, parts: Parts, further: Iterable[str] = ()) -> Iterator[str]:
+def run_texts(stored: StoredStages, parts: Parts, further: Iterable[str] = ()) -> Iterator[str]:
     """Yield the answer, the parts that were asked for, and the next commands, in lines that fit the terminal.
 
     Args:
@@ -182,127 +188,127 @@ def run_texts(shown: StoredStages, parts: Parts, further: Iterable[str] = ()) ->
         parts: what is shown besides the answer.
         further: texts that come before the next commands.
     """
-    yield from _answer(shown, every=parts.every)
-    if shown.results:
-        yield from _part_texts(shown, parts)
+    yield from _answer(stored, every=parts.every)
+    if stored.results:
+        yield from _part_texts(stored, parts)
     yield from further
-    if commands := next_commands(shown):
+    if commands := next_commands(stored):
         yield "\n".join(command_lines(words, "      " if number else "next: ") for number, words in enumerate(commands))
 
 
-def _part_texts(shown: StoredStages, parts: Parts) -> Iterator[str]:
+def _part_texts(stored: StoredStages, parts: Parts) -> Iterator[str]:
     if parts.stages or parts.every:
-        yield render(stages_table(shown.results), columns=PAGE)
+        yield render(stages_table(stored.results), columns=PAGE)
     if parts.routes or parts.every:
-        yield from _routes(shown.results)
+        yield from _routes(stored.results)
     if parts.every:
-        for result in shown.results:
-            yield from _stage_texts(result, with_splits=result.stage.value != shown.stage)
+        for result in stored.results:
+            yield from _stage_texts(result, with_splits=result.stage.value != stored.stage)
     if parts.certificate or parts.every:
-        yield from _certificate_texts(shown, shown.results if parts.every else shown.results[-1:])
-    if (parts.legs or parts.every) and shown.flight is not None:
-        tables = [*leg_tables(shown.flight), *distance_tables(shown.flight)]
-        if parts.every and (misses := near_misses(shown.flight)):
+        yield from _certificate_texts(stored, stored.results if parts.every else stored.results[-1:])
+    if (parts.legs or parts.every) and stored.flight is not None:
+        tables = [*leg_tables(stored.flight), *distance_tables(stored.flight)]
+        if parts.every and (misses := near_misses(stored.flight)):
             tables.append(near_miss_table(misses))
         yield from (render(table, columns=PAGE) for table in tables)
 
 
-def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
+def _answer(stored: StoredStages, *, every: bool) -> Iterator[str]:
     """Yield what fits one screen; with `every` all limits and remarks."""
-    if not shown.results:
+    if not stored.results:
         yield "no stage is finished yet"
     else:
-        last = shown.results[-1]
-        flown = shown.stamps[last.stage].circumstances if last.stage in shown.stamps else ""
-        yield "\n".join(paragraph(text) for text in (_headline(shown), flown) if text)
-        if shown.flight is not None and last.stage.value == shown.stage:
-            laps = laps_text(shown.flight)
+        last = stored.results[-1]
+        circumstances = stored.stamps[last.stage].circumstances if last.stage in stored.stamps else ""
+        yield "\n".join(paragraph(text) for text in (_headline(stored), circumstances) if text)
+        if stored.flight is not None and last.stage.value == stored.stage:
+            laps = laps_text(stored.flight)
             yield render(splits_table(last.splits, laps), columns=PAGE)
-            limits = limits_table(shown.flight, None if every else LIMITS_MAX)
+            limits = limits_table(stored.flight, None if every else LIMITS_MAX)
             # A rough optimum stays a little off its limits, so nothing can be told of how long it keeps to them.
             if limits.rows and last.has_race_time and not last.is_rough:
                 yield render(limits, columns=PAGE)
-    remarks = list(_remarks(shown))
-    listed = remarks if every else remarks[:REMARKS_MAX]
-    lines = [paragraph(one, begin="note: ") for one in listed]
-    if len(listed) < len(remarks):
-        lines.append(f"{len(remarks) - len(listed)} more with --all")
+    remarks = list(_remarks(stored))
+    selected_remarks = remarks if every else remarks[:REMARKS_MAX]
+    lines = [paragraph(remark, begin="note: ") for remark in selected_remarks]
+    if len(selected_remarks) < len(remarks):
+        lines.append(f"{len(remarks) - len(selected_remarks)} more with --all")
     if lines:
         yield "\n".join(lines)
 
 
-def _headline(shown: StoredStages) -> str:
+def _headline(stored: StoredStages) -> str:
     """Return race time and verdict of the last stage, and whether it was verified where that was a question."""
-    last = shown.results[-1]
+    last = stored.results[-1]
     race_time = f"{last.trajectory.race_time:.3f} s, " if last.has_race_time else ""
-    confirmation = shown.confirmations.get(last.stage)
-    confirmed = f"; {confirmation.outcome}" if confirmation is not None else ""
-    return f"{last.stage.value}: {race_time}{verdict_words(last)}{confirmed}"
+    confirmation = stored.confirmations.get(last.stage)
+    suffix = f"; {confirmation.outcome}" if confirmation is not None else ""
+    return f"{last.stage.value}: {race_time}{verdict_words(last)}{suffix}"
 
 
-def _remarks(shown: StoredStages) -> Iterator[str]:
+def _remarks(stored: StoredStages) -> Iterator[str]:
     """Yield what is to be known of the stages, the most important first: what does not hold, then what is near it."""
-    for result in reversed(shown.results):
+    for result in reversed(stored.results):
         if result.remarks:
             yield f"{result.stage.value}: {result.remarks}"
-    unverified = {one: found for one, found in shown.confirmations.items() if found.verified is None and found.reason}
-    yield from _confirmation_lines(unverified, len(shown.confirmations))
-    if shown.flight is not None:
-        yield from _flight_remarks(shown.flight)
-    for result in shown.results:
+    unverified = {one: found for one, found in stored.confirmations.items() if found.verified is None and found.reason}
+    yield from _confirmation_lines(unverified, len(stored.confirmations))
+    if stored.flight is not None:
+        yield from _flight_remarks(stored.flight)
+    for result in stored.results:
         yield from (f"a needless loop: {loop}" for loop in result.search.loops)
 
 
 def _flight_remarks(flight: Flight) -> Iterator[str]:
     """Yield what is measured of a flight and no limit of it: near misses of pylons, loads sustained for too long."""
     if misses := near_misses(flight):
-        least = min(misses, key=lambda one: one.clearance.margin)
-        away, others = least.clearance, len(misses) - 1
+        least = min(misses, key=lambda near_miss: near_miss.clearance.margin)
+        away, more = least.clearance, len(misses) - 1
         text = f"the wing is {away.distance:.2f} m from {away.text} {least.where}, required {away.required:g} m"
-        text += f"; {others} more near miss{'' if others == 1 else 'es'} (--all)" if others else ""
+        text += f"; {more} more near miss{'' if more == 1 else 'es'} (--all)" if more else ""
         if flight.course.rules.clearance is not ClearanceRule.FLIGHT:
             text += (
                 "; the rules measure the wing tips at the instant of a passing alone, and `--set "
                 "rules.clearance=flight` keeps it clear all along"
             )
         yield text
-    yield from (one.text for one in sustained_loads(flight))
+    yield from (load.text for load in sustained_loads(flight))
 
 
-def next_commands(shown: StoredStages) -> list[list[str]]:
+def next_commands(stored: StoredStages) -> list[list[str]]:
     """Return the words of the two commands that most likely come next; fewer where there is no more to do, or no file
     to be named.
     """
-    if shown.path is None or shown.path == STANDARD:
+    if stored.path is None or stored.path == STANDARD:
         return []
-    run, last = str(shown.path), shown.every[-1] if shown.every else None
+    run, last = str(stored.path), stored.every[-1] if stored.every else None
     resume = ["airrace", "resume", run]
     if last is None:
         return [resume]
     if not last.is_flight:
-        return _milder_commands(shown, last) if last.suggested_changes else [resume]
+        return _milder_commands(stored, last) if last.suggested_changes else [resume]
     if not last.holds:
-        examined = [] if last.certificate is None else [["airrace", "show", run, "--certificate"]]
-        return [*examined, resume]
-    stamp = shown.stamps.get(last.stage)
+        show_certificate = [] if last.certificate is None else [["airrace", "show", run, "--certificate"]]
+        return [*show_certificate, resume]
+    stamp = stored.stamps.get(last.stage)
     searching = stamp is not None and stamp.reserve is not None and stamp.reserve.measured is None
     higher = last.stage in STAGES and last.stage is not list(STAGES)[-1]
     return [["airrace", "brief", run], resume if higher or searching else ["airrace", "report", run]]
 
 
-def _milder_commands(shown: StoredStages, last: StageResult) -> list[list[str]]:
+def _milder_commands(stored: StoredStages, last: StageResult) -> list[list[str]]:
     """Return the words of the command that flies a course with the first suggested change that has a key.
 
     There is none with several conflicts, for the changes that are reported of them were not flown together, nor where a
     document of the run has no file.
     """
-    change = next((one for one in last.suggested_changes if one.key), None)
-    inputs = shown.checkpoint.inputs
+    change = next((suggestion for suggestion in last.suggested_changes if suggestion.key), None)
+    inputs = stored.checkpoint.inputs
     track, aircraft, settings = stored_documents(inputs)
     documents = [track, aircraft] if settings is None else [track, aircraft, settings]
-    if any(is_of_objects(one) or one.path == name_of(STANDARD) for one in documents):
+    if any(is_of_objects(document) or document.path == name_of(STANDARD) for document in documents):
         return []
-    if change is None or any(one.conflict != change.conflict for one in last.suggested_changes):
+    if change is None or any(suggestion.conflict != change.conflict for suggestion in last.suggested_changes):
         return []
     words = ["airrace", "optimize", track.path, "--aircraft", aircraft.path]
     if settings is not None:
@@ -316,41 +322,43 @@ def _routes(results: Sequence[StageResult]) -> Iterator[str]:
     searches = [result.search for result in results if result.search.routes]
     if not searches:
         yield "no other routes were tried"
-    yield from (render(search_table(one, most=ROUTES_MAX), columns=PAGE) for one in searches)
+    yield from (render(search_table(search, most=ROUTES_MAX), columns=PAGE) for search in searches)
 
 
 def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:
     """Yield the gates of a stage other than that of the answer, and its mesh."""
     tables: list[Table] = []
     if with_splits and result.splits and result.is_flight:
-        told = f"race time {result.trajectory.race_time:.3f} s" if result.has_race_time else result.status.value
-        tables.append(splits_table(result.splits, f"{result.stage.value}: {told}"))
+        outcome = f"race time {result.trajectory.race_time:.3f} s" if result.has_race_time else result.status.value
+        tables.append(splits_table(result.splits, f"{result.stage.value}: {outcome}"))
     if len(result.mesh.why):
         tables.append(mesh_table(result))
     yield from (render(table, columns=PAGE) for table in tables)
 
 
-def _certificate_texts(shown: StoredStages, results: Sequence[StageResult]) -> Iterator[str]:
+def _certificate_texts(stored: StoredStages, results: Sequence[StageResult]) -> Iterator[str]:
     """Yield what is claimed of the last of some stages, their certificates, and what was verified."""
     last = results[-1]
-    before = itertools.takewhile(lambda one: one.stage is not last.stage, shown.every)
-    if claimed := claim([*before, last]):
-        yield paragraph(f"{last.stage.value}: {claimed}")
+    before = itertools.takewhile(lambda result: result.stage is not last.stage, stored.every)
+    if claim_text := claim([*before, last]):
+        yield paragraph(f"{last.stage.value}: {claim_text}")
     for result in results:
         if result.certificate is not None:
             stands = result.outcome is Status.SOLVED or not result.certificate.holds
             title = f"{result.stage.value}: " if len(results) > 1 else ""
             yield render(items_table(result.certificate, "" if stands else DOES_NOT_STAND, title), columns=PAGE)
-    confirmations = {one.stage: shown.confirmations[one.stage] for one in results if one.stage in shown.confirmations}
+    confirmations = {
+        result.stage: stored.confirmations[result.stage] for result in results if result.stage in stored.confirmations
+    }
     if confirmations:
         yield from _confirmation_texts(confirmations)
 
 
 def _confirmation_texts(confirmations: Mapping[Stage, Confirmation]) -> Iterator[str]:
-    """Yield the outcomes of measuring stages again, and what nobody can verify."""
+    """Yield the outcomes of measuring stages again, and what cannot be verified."""
     yield "\n".join(map(paragraph, _confirmation_lines(confirmations, len(confirmations))))
-    if any(one.verified for one in confirmations.values()):
-        yield paragraph(NOBODY_CAN)
+    if any(confirmation.verified for confirmation in confirmations.values()):
+        yield paragraph(CANNOT_VERIFY)
 
 
 def _confirmation_lines(confirmations: Mapping[Stage, Confirmation], count: int) -> Iterator[str]:
@@ -359,7 +367,7 @@ def _confirmation_lines(confirmations: Mapping[Stage, Confirmation], count: int)
     What was refuted the remark on its stage tells.
     """
     alike: dict[str, list[str]] = {}
-    for stage, one in confirmations.items():
-        alike.setdefault(one.remark, []).append(stage.value)
+    for stage, confirmation in confirmations.items():
+        alike.setdefault(confirmation.remark, []).append(stage.value)
     for words, stages in alike.items():
         yield f"{'all stages' if len(stages) == count > 1 else ', '.join(stages)}: {words}"

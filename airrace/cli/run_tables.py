@@ -38,14 +38,19 @@ def items_table(certificate: "Certificate", verdict: str = "", begin: str = "") 
         begin: the begin of its title.
     """
     one_mesh = f"solved {ROUGH if certificate.is_rough else ONE_MESH}"
-    measured = "certified" if certificate.certified else one_mesh if certificate.holds else "NOT certified"
-    title = f"{begin}certificate: {verdict or measured}{_open_clause(certificate)} ({certificate.solver_status})"
+    if certificate.certified:
+        outcome = "certified"
+    else:
+        outcome = one_mesh if certificate.holds else "NOT certified"
+    title = f"{begin}certificate: {verdict or outcome}{_open_clause(certificate)} ({certificate.solver_status})"
     return certificate_table(certificate, title)
 
 
 def _open_clause(certificate: "Certificate") -> str:
     """Return a clause for what is only measured and is not as it should be; empty where there is nothing."""
-    clauses = (f"; but {one.name} missed by {one.value:.2f} {one.unit} ({one.where})" for one in certificate.undecided)
+    clauses = (
+        f"; but {item.name} missed by {item.value:.2f} {item.unit} ({item.where})" for item in certificate.undecided
+    )
     return "".join(clauses)
 
 
@@ -95,13 +100,13 @@ def leg_tables(flight: Flight) -> tuple[Table, Table]:
     least margin."""
     loads: list[tuple[str | float | None, ...]] = []
     speeds: list[tuple[str | float | None, ...]] = []
-    for one in leg_facts(flight):
-        name, nearest = one.leg.name, one.clearances[0] if one.clearances else None
-        ranges = (one.n_z.least, one.n_z.greatest, one.height.least, one.height.greatest)
-        loads.append((name, one.leg.time, *ranges, math.degrees(one.roll_rate), one.energy_in, one.energy_out))
+    for facts in leg_facts(flight):
+        name, nearest = facts.leg.name, facts.clearances[0] if facts.clearances else None
+        ranges = (facts.n_z.least, facts.n_z.greatest, facts.height.least, facts.height.greatest)
+        loads.append((name, facts.leg.time, *ranges, math.degrees(facts.roll_rate), facts.energy_in, facts.energy_out))
         clearance = (nearest.distance, nearest.required) if nearest else (None, None)
         where = f"{nearest.text} at {nearest.time:.2f} s" if nearest else ""
-        speeds.append((name, _knots(one.V_K), _knots(one.V_A), _knots(one.V_I), *clearance, where))
+        speeds.append((name, _knots(facts.V_K), _knots(facts.V_A), _knots(facts.V_I), *clearance, where))
     return Table("legs", _LOADS, loads), Table("legs: speeds and clearances", _SPEEDS, speeds)
 
 
@@ -149,9 +154,10 @@ _NEAR_MISSES = (
 
 def near_miss_table(misses: Sequence[NearMiss]) -> Table:
     """Return a table of near misses."""
-    rows = [
-        (away.name, away.distance, away.required, away.time, one.where) for one in misses if (away := one.clearance)
-    ]
+    rows: list[tuple[str | float, ...]] = []
+    for miss in misses:
+        clearance = miss.clearance
+        rows.append((clearance.name, clearance.distance, clearance.required, clearance.time, miss.where))
     return Table("near misses", _NEAR_MISSES, rows)
 
 
@@ -162,13 +168,13 @@ def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Itera
         comparisons: of flights with one reference.
         every: whether legs that are ties are listed, too.
     """
-    for one in comparisons:
-        yield "\n".join(_verdict_lines(one))
-        yield from _loss_texts(one)
+    for comparison in comparisons:
+        yield "\n".join(_verdict_lines(comparison))
+        yield from _loss_texts(comparison)
     if len(comparisons) == 2:
         yield from _pair_texts(*comparisons)
-    for one in comparisons:
-        yield from _legs_texts(one, f"{one.other.label}: " if len(comparisons) > 1 else "", every=every)
+    for comparison in comparisons:
+        yield from _legs_texts(comparison, f"{comparison.other.label}: " if len(comparisons) > 1 else "", every=every)
 
 
 def _verdict_lines(comparison: Comparison) -> list[str]:
@@ -180,32 +186,33 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     elif comparison.tie:
         verdict = f"a tie within {TIE_MS} ms ({times})"
     details = [f"{what}: {second} against {first}" for what, first, second in conditions(reference, other)]
-    details += [
-        f"{flight.label} is {flight.source.verdict}"
-        for flight in (other, reference)
-        if flight.source.certified is False
-    ]
-    details += [f"{one.label}: {found.remark}" for one in (other, reference) if (found := one.source.confirmation)]
+    flights = (other, reference)
+    details += [f"{flight.label} is {flight.source.verdict}" for flight in flights if flight.source.certified is False]
+    for flight in flights:
+        if flight.source.confirmation is not None:
+            details.append(f"{flight.label}: {flight.source.confirmation.remark}")
     first = paragraph(f"{other.label} against {reference.label}: {verdict}")
-    return [first, *(paragraph(one, begin="  ") for one in details)]
+    return [first, *(paragraph(detail, begin="  ") for detail in details)]
 
 
 def _loss_texts(comparison: Comparison) -> Iterator[str]:
     """Yield in words what costs the slower flight most, if anything does."""
-    lost = time_loss(comparison)
-    if lost.costliest:
-        lines = (paragraph(one.text, begin=f"  {number}. ") for number, one in enumerate(lost.costliest, start=1))
-        yield "\n".join([paragraph(f"{lost.title}:"), *lines])
+    loss = time_loss(comparison)
+    if loss.costliest:
+        lines = (
+            paragraph(leg_loss.text, begin=f"  {number}. ") for number, leg_loss in enumerate(loss.costliest, start=1)
+        )
+        yield "\n".join([paragraph(f"{loss.title}:"), *lines])
 
 
 def _pair_texts(first: Comparison, second: Comparison) -> Iterator[str]:
     """Yield two flights against each other and both against the reference: in words, and in one table of all legs."""
     between = compare_flights(first.other, second.other)
     yield from _loss_texts(between)
-    labels = [f"{one.other.label} lost" for one in (first, second)]
+    labels = [f"{comparison.other.label} lost" for comparison in (first, second)]
     labels.append(f"{second.other.label} lost against {first.other.label}")
     columns = [Column("leg to"), Column(first.reference.label, "s", ".3f")]
-    columns += [Column(one, "s", "+z.3f", wraps=True) for one in labels]
+    columns += [Column(label, "s", "+z.3f", wraps=True) for label in labels]
     legs = zip(first.legs, second.legs, between.legs, strict=True)
     rows = [(a.name, a.reference.time, a.difference, b.difference, c.difference) for a, b, c in legs]
     rows.append(("race", first.reference.race_time, first.difference, second.difference, between.difference))

@@ -162,15 +162,15 @@ def show(
     from airrace.cli.run_screen import Parts, run_texts, stored_stages
     from airrace.files.checkpoint import LogCheckpoint
 
-    stored = call()
+    checkpoint = call()
     path, stage, verify = (call.keywords[name] for name in ("run_file", "stage", "verify"))
-    if isinstance(stored, LogCheckpoint):
+    if isinstance(checkpoint, LogCheckpoint):
         from airrace.cli.flight_tables import log_texts
         from airrace.runs.flight_sources import source_of
         from airrace.runs.log_view import open_log
         from airrace.runs.verification import with_confirmation
 
-        log = open_log(stored)
+        log = open_log(checkpoint)
         source_of(log, stage)
         log = with_confirmation(log, verify=verify)
         answer.fields.update(log.as_object())
@@ -178,7 +178,7 @@ def show(
             answer.add(*log_texts(log, legs=legs))
         answer.fail_if_refuted({log.recorded.label: log.confirmation})
         return
-    shown = stored_stages(stored, path, stage, verify=verify)
+    shown = stored_stages(checkpoint, path, stage, verify=verify)
     answer.fields.update(shown.as_object())
     if answer.shows:
         parts = Parts(stages=stages, routes=routes, certificate=certificate, legs=legs, every=all_)

@@ -37,10 +37,10 @@ def safety(answer: Answer, call: "partial[SafetyCase | SafetyRose | SafetyRuns]"
 
 @command(risks.footprint)
 def footprint(answer: Answer, call: "partial[tuple[Footprint, Flight]]") -> None:
-    found, flight = call()
-    answer.fields.update(found.as_object())
+    footprint, flight = call()
+    answer.fields.update(footprint.as_object())
     if answer.shows:
-        answer.add(*_texts(found, flight))
+        answer.add(*_texts(footprint, flight))
     answer.add_files(call.keywords["output"])
 
 

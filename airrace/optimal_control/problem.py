@@ -229,10 +229,9 @@ class Problem:
     def observations(self) -> list[Observation]:
         """All observations, each once."""
         constraints = [constraint for phase in self.phases for constraint in phase.path_constraints]
-        seen = [
-            one.observation for one in (*self.boundaries, *constraints, self.objective) if one.observation is not None
-        ]
-        return list({id(one): one for one in seen}.values())
+        observers = (*self.boundaries, *constraints, self.objective)
+        observations = [observer.observation for observer in observers if observer.observation is not None]
+        return list({id(observation): observation for observation in observations}.values())
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,17 +65,17 @@ def read_measure(text: str, measure: Measure, option: str) -> float:
     Raises:
         UsageError: it is no number, its unit is missing or unknown, or no aircraft has it.
     """
-    found, known, first = _MEASURE.fullmatch(text), ", ".join(measure.units), next(iter(measure.units))
-    if found is None:
-        raise UsageError(f"{option}: {text!r} is no number with a unit ({known})")
-    unit = (found[2] or "").strip().lower().replace("\N{SUPERSCRIPT TWO}", "2")
+    match, units, first = _MEASURE.fullmatch(text), ", ".join(measure.units), next(iter(measure.units))
+    if match is None:
+        raise UsageError(f"{option}: {text!r} is no number with a unit ({units})")
+    unit = (match[2] or "").strip().lower().replace("\N{SUPERSCRIPT TWO}", "2")
     if not unit and len(measure.units) > 1:
-        raise UsageError(f"{option}: {text!r} has no unit; give one of {known}, e.g. {found[1]}{first}")
+        raise UsageError(f"{option}: {text!r} has no unit; give one of {units}, e.g. {match[1]}{first}")
     factors = {name.lower(): factor for name, factor in measure.units.items()}
     factor = factors.get(unit or first.lower())
     if factor is None:
-        raise UsageError(f"{option}: {found[2]!r} is no unit of it; known are {known}")
-    value, allowed = float(found[1]) * factor, measure.allowed
+        raise UsageError(f"{option}: {match[2]!r} is no unit of it; known are {units}")
+    value, allowed = float(match[1]) * factor, measure.allowed
     if not allowed.lower <= value / measure.units[first] <= allowed.upper:
         raise UsageError(f"{option}: {text} is beyond {allowed.lower:g} to {allowed.upper:g} {first}")
     return value
@@ -124,20 +124,20 @@ class AircraftFile:
     @property
     def published(self) -> ManualFigures:
         """The figures that are published of it, SI."""
-        given = self.entry.published.arguments() if self.entry.published else {}
-        return ManualFigures(**{name: value for name, value in given.items() if name != "source"})
+        published_figures = self.entry.published.arguments() if self.entry.published else {}
+        return ManualFigures(**{name: value for name, value in published_figures.items() if name != "source"})
 
 
 def read_aircraft_file(named: str | Path | Document) -> AircraftFile:
-    """Read an aircraft file or the name of one that comes along.
+    """Read an aircraft file or the name of a shipped one.
 
     Raises:
         InputError: it cannot be read, or is no aircraft.
     """
     reader = DocumentReader(())
-    opened = reader.open(read_named(AIRCRAFT, named, reader.findings), "aircraft")
-    entry = validate(AircraftEntry, opened.reporter) if opened else None
-    aircraft = read_aircraft(opened.reporter) if opened and entry else None
+    mapping = reader.open(read_named(AIRCRAFT, named, reader.findings), "aircraft")
+    entry = validate(AircraftEntry, mapping.reporter) if mapping else None
+    aircraft = read_aircraft(mapping.reporter) if mapping and entry else None
     if entry is None or aircraft is None or reader.findings:
         raise InputError(reader.findings)
     return AircraftFile(entry, aircraft)
@@ -226,17 +226,17 @@ class ComparedAircraft:
         return Table(f"{self.aircraft.name}: {conditions}", _COLUMNS, list(self._rows(manual)))
 
     def _rows(self, manual: Aircraft) -> Iterator[list[str | float | None]]:
-        figures, found = self.figures, performance(manual, self.figures.roll_speed)
-        rolls = f"roll rate at {(figures.roll_speed or found.V_A) / KNOT:.0f} kt"
+        figures, predictions = self.figures, performance(manual, self.figures.roll_speed)
+        rolls = f"roll rate at {(figures.roll_speed or predictions.V_A) / KNOT:.0f} kt"
         for name, unit, factor, published, computed in (
-            ("stall", "kt", KNOT, figures.stall, found.stall),
-            ("top speed", "kt", KNOT, figures.speed_max, found.speed_max),
-            ("rate of climb", "m/s", 1.0, figures.climb, found.climb),
-            (rolls, "deg/s", DEGREE, figures.roll_rate, found.roll_rate),
-            ("sustained turn", "g", 1.0, figures.turn, found.turn),
+            ("stall", "kt", KNOT, figures.stall, predictions.stall),
+            ("top speed", "kt", KNOT, figures.speed_max, predictions.speed_max),
+            ("rate of climb", "m/s", 1.0, figures.climb, predictions.climb),
+            (rolls, "deg/s", DEGREE, figures.roll_rate, predictions.roll_rate),
+            ("sustained turn", "g", 1.0, figures.turn, predictions.turn),
         ):
-            given = math.nan if published is None else published / factor
-            yield [name, unit, given, computed / factor, 100.0 * (computed / factor / given - 1.0)]
+            published_value = math.nan if published is None else published / factor
+            yield [name, unit, published_value, computed / factor, 100.0 * (computed / factor / published_value - 1.0)]
 
 
 def compare_with_manual(
@@ -250,9 +250,9 @@ def compare_with_manual(
     """Estimate an aircraft from its flight manual and write its file, or compare one that exists with its manual.
 
     Args:
-        name: the name of the new aircraft; without a template an aircraft that comes along, or a file.
+        name: the name of the new aircraft; without a template a shipped aircraft, or a file.
         figures: texts with units by the keys of `MEASURES`.
-        template: the aircraft from which it takes what the manual leaves open: one that comes along, or a file.
+        template: the aircraft from which it takes what the manual leaves open: a shipped one, or a file.
         output: the file; by default the name in lower case, with underscores and `.yaml`.
         force: whether an existing file is overwritten.
 
@@ -266,8 +266,8 @@ def compare_with_manual(
     if template is None:
         if read or output is not None:
             raise UsageError("an aircraft is made of another one: name that, too, e.g. --from edge540")
-        known = read_aircraft_file(name)
-        return ComparedAircraft(None, known.aircraft, known.published)
+        shipped_file = read_aircraft_file(name)
+        return ComparedAircraft(None, shipped_file.aircraft, shipped_file.published)
     if not read:
         raise UsageError("no figure of the aircraft is given, e.g. --stall 57kt; without any it is the template")
     path = Path(output) if output is not None else Path(name.lower().replace(" ", "_") + SUFFIX)

@@ -62,7 +62,7 @@ def worst(codes: Iterable[ExitCode]) -> ExitCode:
 
 
 def of_error(error: BaseException) -> ExitCode:
-    """Return the code of an exception that ended a command; one that nobody foresaw is a bug."""
+    """Return the code of an exception that ended a command; an unforeseen one is a bug."""
     match error:
         case KeyboardInterrupt():
             return ExitCode.INTERRUPTED
@@ -110,9 +110,9 @@ class CommandResult:
 
     def fail_if_refuted(self, confirmations: "Mapping[str, Confirmation | None]") -> None:
         """Record the failure of the first verification that failed of those that are shown, by what they are called."""
-        for name, one in confirmations.items():
-            if one is not None and one.refutation:
-                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {one.refutation}")
+        for name, confirmation in confirmations.items():
+            if confirmation is not None and confirmation.refutation:
+                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {confirmation.refutation}")
 
 
 def empty_result(track: str | None) -> dict[str, object]:

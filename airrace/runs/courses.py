@@ -1,4 +1,4 @@
-"""Courses before the race: those that come along, a new file to begin with, and the check of a course."""
+"""Courses before the race: the shipped ones, a new file to begin with, and the check of a course."""
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -29,7 +29,7 @@ from airrace.runtime.standard_streams import STANDARD, name_of
 
 @dataclass(frozen=True)
 class ShippedTrack:
-    """A course that comes along.
+    """A shipped course.
 
     Attributes:
         name: what it is called in commands and in Python.
@@ -48,7 +48,7 @@ class ShippedTrack:
 
 @dataclass(frozen=True)
 class ShippedAircraft:
-    """An aircraft that comes along: its name, its name as the file gives it, and its mass (kg)."""
+    """A shipped aircraft: its name, its name as the file gives it, and its mass (kg)."""
 
     name: str
     title: str
@@ -57,7 +57,7 @@ class ShippedAircraft:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All that comes along; `rules` are the names that a track file's `rules` may give."""
+    """All shipped inputs; `rules` are the names that a track file's `rules` may give."""
 
     tracks: tuple[ShippedTrack, ...]
     aircraft: tuple[ShippedAircraft, ...]
@@ -66,19 +66,21 @@ class Catalogue:
     def as_object(self) -> dict[str, object]:
         """Return all that is listed as plain values, for JSON."""
         return {
-            "tracks": [asdict(one) for one in self.tracks],
-            "aircraft": [{"name": one.name, "title": one.title, "mass_kg": one.mass} for one in self.aircraft],
+            "tracks": [asdict(track) for track in self.tracks],
+            "aircraft": [
+                {"name": aircraft.name, "title": aircraft.title, "mass_kg": aircraft.mass} for aircraft in self.aircraft
+            ],
             "rules": list(self.rules),
         }
 
 
 def catalogue() -> Catalogue:
-    """Read the courses and aircraft that come along, in alphabetical order of their names."""
+    """Read the shipped courses and aircraft, in alphabetical order of their names."""
     return Catalogue(tuple(map(_track, TRACKS.names)), tuple(map(_aircraft, AIRCRAFT.names)), preset_names())
 
 
 def _track(name: str) -> ShippedTrack:
-    inputs = load_inputs(TRACKS.path / f"{name}{SUFFIX}")  # whatever lies in the current folder under that name
+    inputs = load_inputs(TRACKS.path / f"{name}{SUFFIX}")  # not a file of that name in the current folder
     course = inputs.race.course
     laps = max(passage.lap for passage in course.passages)
     return ShippedTrack(name, course.name, len(course.passages), laps, Path(inputs.aircraft.path).stem)
@@ -117,12 +119,11 @@ class CourseFile:
 
     def as_object(self) -> dict[str, list[dict[str, str]]]:
         """Return guesses, placemarks that are not taken over, and what is to be put right as plain values, for JSON."""
-        guessed = [asdict(one) for one in self.remarks if one.taken_as]
-        dropped = [
-            {"name": one.name, "form": one.form, "reason": one.reason} for one in self.remarks if not one.taken_as
-        ]
-        faults = [{"key": one.key, "message": one.message} for one in self.faults]
-        return {"guessed": guessed, "not_taken_over": dropped, "to_put_right": faults}
+        guessed = [asdict(remark) for remark in self.remarks if remark.taken_as]
+        omitted = [remark for remark in self.remarks if not remark.taken_as]
+        not_taken_over = [{"name": remark.name, "form": remark.form, "reason": remark.reason} for remark in omitted]
+        faults = [{"key": fault.key, "message": fault.message} for fault in self.faults]
+        return {"guessed": guessed, "not_taken_over": not_taken_over, "to_put_right": faults}
 
 
 def init(
@@ -136,7 +137,7 @@ def init(
 
     Args:
         name: the name of the new file; `.yaml` is added where it is missing.
-        like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
+        like: a shipped course, or a file, to be copied; None for a short course with a comment on every part.
         from_: a file of placemarks (KML, KMZ, GPX or GeoJSON) from which the course is sketched; None for none. The
             last lines of the file tell its guesses, what is not taken over, and what is to be put right before the
             course can be flown.
@@ -165,8 +166,8 @@ def begin_course(
         raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
     ensure_free(path, force=force, sources=[like, from_])
     schema, schema_file = schema_text("track"), path.with_name(SCHEMA_FILE)
-    written = path == STANDARD or _holds(schema_file, schema)
-    if not written:
+    schema_is_written = path == STANDARD or _holds(schema_file, schema)
+    if not schema_is_written:
         ensure_free(schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_])
     remarks: tuple[ImportRemark, ...] = ()
     if from_ is not None:
@@ -178,7 +179,7 @@ def begin_course(
         text = f"{EDITORS_LINE}{SCHEMA_FILE}\n{text}"
     course = CourseFile(path, remarks, () if from_ is None else _faults(path, text))
     text += "".join(f"# {task}\n" for task in course.tasks)
-    if not written:
+    if not schema_is_written:
         write_text(schema_file, schema)
     write_text(path, text)
     return course
@@ -283,8 +284,8 @@ def check_course(inputs: Inputs) -> CourseCheck:
         Remark("", RemarkKind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
         for name in inputs.unused_gates
     )
-    planned = planned_flight(inputs.race)
+    flight = planned_flight(inputs.race)
     course = inputs.race.course
-    remarks = in_order([*review(inputs.race), *forgotten_lines(course), *remarks_on_line(planned)], course)
+    remarks = in_order([*review(inputs.race), *forgotten_lines(course), *remarks_on_line(flight)], course)
     language = (Remark("", RemarkKind.LANGUAGE, inputs.remark),) if inputs.remark else ()
-    return CourseCheck(inputs, planned, (*language, *unused, *remarks))
+    return CourseCheck(inputs, flight, (*language, *unused, *remarks))

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 PATIENCE = 0.1
-"""The time for which a lock is tried, s: whoever holds it may just be removing it."""
+"""The time for which a lock is tried, s: its holder may just be removing it."""
 
 
 @contextmanager
@@ -62,7 +62,7 @@ def run_lock(path: Path | None) -> Generator[None, None, None]:
 def file_lock(lock: Path) -> Generator[bool, None, None]:
     """Hold a lock that is a file of its own, and tell whether it is refused since another process holds it.
 
-    Where its folder takes no files, or knows no locks, nobody holds it.
+    Where its folder takes no files, or has no locks, it counts as free.
     """
     from filelock import FileLock, Timeout  # which not every command loads
 
@@ -160,13 +160,13 @@ class Execution:
             UsageError: it is not positive, or another process solves the run.
         """
         ensure_time(timeout)
-        started = time.monotonic()
+        start_time = time.monotonic()
         with run_lock(self.plan.run.path):
             for run, result in _execute_locked(self.plan, threads=threads, timeout=timeout, progress=progress):
                 self.run, self._finished[result.stage] = run, result
                 yield run
             if self.plan.reserve is not None and self.run.certified:
-                left = None if timeout is None else max(timeout - (time.monotonic() - started), 1e-3)
+                left = None if timeout is None else max(timeout - (time.monotonic() - start_time), 1e-3)
                 self._keep_reserve(threads=threads, timeout=left, progress=progress)
                 self._finished = {result.stage: result for result in self.run.results}
                 yield self.run
@@ -185,8 +185,8 @@ class Execution:
             *_, (last, _) = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
             return last
 
-        def keep(attempt: ReserveAttempt, flown: RunState | None) -> None:
-            self.run = self.run.with_attempt(attempt, flown)
+        def keep(attempt: ReserveAttempt, flight: RunState | None) -> None:
+            self.run = self.run.with_attempt(attempt, flight)
             _store(self.run)
 
         run = self.run
@@ -202,7 +202,7 @@ def _execute_locked(
 ) -> Iterator[tuple[RunState, StageResult]]:
     """Yield the run after each stage, with that stage's result."""
     run, start = plan.run, plan.start
-    reused = {result.stage for result in plan.reused}
+    reused_stages = {result.stage for result in plan.reused}
     _store(run)
     for result in procedure.optimize(
         run.inputs.race,
@@ -215,7 +215,7 @@ def _execute_locked(
         timeout=timeout,
         progress=progress,
     ):
-        run = run.with_mesh_check(result) if result.stage in reused else run.with_stage(result)
+        run = run.with_mesh_check(result) if result.stage in reused_stages else run.with_stage(result)
         _store(run)
         progress.stage_finished(result)  # now, and not before it is stored: what is announced is never lost
         yield run, result
@@ -278,8 +278,10 @@ def summarise(answer: CommandResult, execution: Execution) -> None:
         if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
             answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
     if plan.start is not None:
-        compared = execution.comparison
-        answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
+        comparison = execution.comparison
+        answer.fields["compared"] = (
+            None if comparison is None else comparison_object(comparison.reference, [comparison])
+        )
     if reserve is not None:
         answer.fields["reserve"] = reserve.as_object()
     elif run.results and run.inputs.reserve is not None and run.inputs.reserve.found is None:
@@ -293,8 +295,8 @@ def unreached(reserve: ReserveEntry | None) -> str:
     """Return a sentence where a flight keeps less of a reserve than was asked for; else an empty text."""
     if reserve is None or reserve.found is None or reserve.found.reached:
         return ""
-    found = reserve.found
-    most = f"the most is {found.measured:.3f} (from {found.lower:.3f})"
+    outcome = reserve.found
+    most = f"the most is {outcome.measured:.3f} (from {outcome.lower:.3f})"
     return f"a reserve of {reserve.probability:g} was not reached: {most}"
 
 
@@ -308,7 +310,7 @@ def _next_step(execution: Execution) -> str:
     plan, results = execution.plan, execution.results
     if plan.start is not None and not results:  # resuming would begin from the course alone
         return f"no stage is finished; start from {plan.start.label} again with --force"
-    finished = ", ".join(result.stage.value for result in results) or "none"
+    finished_text = ", ".join(result.stage.value for result in results) or "none"
     if plan.reserve is not None:
-        finished += f"; reserve: {len(execution.run.attempts)} of {ATTEMPTS_MAX} attempts"
-    return f"go on with `airrace resume {plan.run.path}` (finished: {finished})"
+        finished_text += f"; reserve: {len(execution.run.attempts)} of {ATTEMPTS_MAX} attempts"
+    return f"go on with `airrace resume {plan.run.path}` (finished: {finished_text})"

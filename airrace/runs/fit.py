@@ -116,17 +116,17 @@ class FittedAircraft:
     @property
     def table(self) -> Table:
         """The numbers before and after with standard deviations; correlations, winds and what is left as notes."""
-        seen, percent = self.estimate.visible.tolist(), (100.0 * self.estimate.deviations).tolist()
+        visible, percent = self.estimate.visible.tolist(), (100.0 * self.estimate.deviations).tolist()
         before, after = _numbers(self.start), _numbers(self.aircraft)
-        deviations = [one if visible else None for one, visible in zip(percent[:FACTORS], seen, strict=True)]
+        deviations = [deviation if show else None for deviation, show in zip(percent[:FACTORS], visible, strict=True)]
         deviations.append(100.0 * self.roll.deviation if self.roll else None)
         rows: list[list[str | float | None]] = [
             [*old, new, deviation, "not visible in the data: left as it was" if deviation is None else ""]
             for old, (_, _, new), deviation in zip(before, after, deviations, strict=True)
         ]
-        pairs = [(i, j) for i in range(FACTORS) for j in range(i) if seen[i] and seen[j]]
-        related = ", ".join(f"{after[j][0]} and {after[i][0]} {self.correlations[j, i]:+.2f}" for i, j in pairs)
-        notes = [f"correlations: {related}"] if related else []
+        pairs = [(i, j) for i in range(FACTORS) for j in range(i) if visible[i] and visible[j]]
+        correlations = ", ".join(f"{after[j][0]} and {after[i][0]} {self.correlations[j, i]:+.2f}" for i, j in pairs)
+        notes = [f"correlations: {correlations}"] if correlations else []
         for log, wind, off in zip(self.logs, self.estimate.winds, percent[FACTORS::2], strict=True):
             speed, origin = math.hypot(*wind) / KNOT, math.degrees(math.atan2(-wind[1], -wind[0])) % 360.0
             blows = f"{speed:.1f} kt from {origin:.0f} deg"
@@ -168,7 +168,7 @@ def fit(
     Args:
         logs: one log or several of the same aircraft, as of `airrace.import_log`; the wind is found for each.
         track: the course that they pass, see `airrace.optimize`, with the wind as far as it is known.
-        aircraft: from which the fit starts: one that comes along, a file or an `Aircraft`.
+        aircraft: from which the fit starts: a shipped one, a file or an `Aircraft`.
         output: the file of the fitted aircraft; None for none.
         force: whether an existing file is overwritten.
         set: single values of the course that are otherwise.
@@ -180,59 +180,61 @@ def fit(
         UsageError: no log is given, or the file exists.
         StorageError: the folder does not exist or takes no files.
     """
-    paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]
+    paths = [Path(log) for log in ([logs] if isinstance(logs, str | Path) else logs)]
     if not paths:
         raise UsageError("a fit needs a log")
-    if any(one.startswith("aircraft.") for one in value_texts(set)):
+    if any(text.startswith("aircraft.") for text in value_texts(set)):
         raise UsageError("numbers of the aircraft are changed in its file, from which the fit starts")
     target = None if output is None else Path(output)
-    named = document_or_path(aircraft)
-    assert named is not None  # for an aircraft is given
+    source = document_or_path(aircraft)
+    assert source is not None  # for an aircraft is given
     if target is not None:
-        ensure_free(target, force=force, sources=[*paths, track, named, mapping])
-    inputs, template = read_inputs(track, aircraft, set=set), read_aircraft_file(named)
+        ensure_free(target, force=force, sources=[*paths, track, source, mapping])
+    inputs, template = read_inputs(track, aircraft, set=set), read_aircraft_file(source)
     if target is not None:
         ensure_free(target, force=True, sources=documents_of(inputs))
     layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
     read = tuple(_read(path, inputs.race, layout) for path in paths)
-    race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [one.recorded for one in read])
+    race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [log.recorded for log in read])
     race = race if roll is None else Race(race.course, roll.aircraft(race.aircraft), race.air)
-    found = estimate_factors(race.aircraft, race.air, [one.own for one in read])
-    if not (found.visible.any() and np.isfinite(found.covariance).all()):
+    estimate = estimate_factors(race.aircraft, race.air, [log.own for log in read])
+    if not (estimate.visible.any() and np.isfinite(estimate.covariance).all()):
         missing = "that takes turns and straights at several speeds; more logs would help"
         refuse(str(paths[0]), 0, f"tells neither drag nor power: {missing}")
-    found, bias = _correct(found, race, read, progress or Silent())
-    fitted = found.aircraft(race.aircraft)
+    estimate, bias = _correct(estimate, race, read, progress or Silent())
+    fitted_aircraft = estimate.aircraft(race.aircraft)
     if target is not None:
-        name = Path(named).stem if isinstance(named, str | Path) else inputs.race.aircraft.name
-        write_text(target, aircraft_text(template, name, fitted, _relations(found, roll), origin=PROVENANCE))
-    return FittedAircraft(target, inputs.race.aircraft, fitted, found, bias, roll, read)
+        name = Path(source).stem if isinstance(source, str | Path) else inputs.race.aircraft.name
+        write_text(
+            target, aircraft_text(template, name, fitted_aircraft, _relations(estimate, roll), origin=PROVENANCE)
+        )
+    return FittedAircraft(target, inputs.race.aircraft, fitted_aircraft, estimate, bias, roll, read)
 
 
-def _relations(found: Estimate, roll: RollRate | None) -> dict[tuple[str, str], str]:
+def _relations(estimate: Estimate, roll: RollRate | None) -> dict[tuple[str, str], str]:
     """Return the marks of the numbers that were fitted."""
-    pairs = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), found.deviations[:FACTORS], strict=True)
-    fitted = {key: deviation for (key, deviation), seen in zip(pairs, found.visible, strict=True) if seen}
+    pairs = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), estimate.deviations[:FACTORS], strict=True)
+    deviations = {key: deviation for (key, deviation), visible in zip(pairs, estimate.visible, strict=True) if visible}
     rolling = (("roll", "C_lxi"), ("yaw", "C_nxi"), ("point_mass", "p"))
-    fitted |= {} if roll is None else dict.fromkeys(rolling, roll.deviation)
-    return {key: f"fitted, +-{100.0 * deviation:.1f} %" for key, deviation in fitted.items()}
+    deviations |= {} if roll is None else dict.fromkeys(rolling, roll.deviation)
+    return {key: f"fitted, +-{100.0 * deviation:.1f} %" for key, deviation in deviations.items()}
 
 
 def _read(path: Path, race: Race, layout: ColumnLayout) -> FittedLog:
     """Return a log as it is fitted; refuse it where it does not pass the course, or its positions are too few."""
-    recorded = flight_from_log(read_log(path, layout), race, label=stem_of(path))
-    placed = recorded.recording.select(np.isfinite(recorded.recording.columns["x"]))
-    count, lasting = len(placed.time), float(placed.time[-1] - placed.time[0])
+    log_flight = flight_from_log(read_log(path, layout), race, label=stem_of(path))
+    positions = log_flight.recording.select(np.isfinite(log_flight.recording.columns["x"]))
+    count, lasting = len(positions.time), float(positions.time[-1] - positions.time[0])
     if count < SAMPLES_MIN or count < RATE_MIN * lasting:
         least = f"at least {RATE_MIN:g} per second, {SAMPLES_MIN} in all"
         refuse(str(path), 0, f"holds {count} positions in {lasting:.0f} s of the race; a fit needs {least}")
-    places = np.stack([placed.columns[name] for name in ("x", "y", "height")])
-    return FittedLog(path, recorded, placed.time, places, place_roundings(placed))
+    places = np.stack([positions.columns[name] for name in ("x", "y", "height")])
+    return FittedLog(path, log_flight, positions.time, places, place_roundings(positions))
 
 
-def _correct(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: Progress) -> tuple[Estimate, Array]:
+def _correct(estimate: Estimate, race: Race, logs: Sequence[FittedLog], progress: Progress) -> tuple[Estimate, Array]:
     """Return an estimate without its bias, its covariance enlarged to what was measured, and the bias."""
-    aircraft, wind = found.aircraft(race.aircraft), found.winds.mean(axis=0)
+    aircraft, wind = estimate.aircraft(race.aircraft), estimate.winds.mean(axis=0)
     run = _optimum(Race(race.course, aircraft, _with_wind(race.air, wind)), progress)
     if not math.isfinite(run.race_time):
         refuse(str(logs[0].path), 0, f"makes an aircraft that cannot fly the course: {run.message}")
@@ -242,20 +244,20 @@ def _correct(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: P
     for _ in range(BOOTSTRAP_REPLICATES):
         paths: list[RecordedPath] = []
         for log in logs:
-            there = at(np.clip(log.time - log.recorded.offset, 0.0, last))
+            states = at(np.clip(log.time - log.recorded.offset, 0.0, last))
             noise = log.own.noise[:, None]
-            places = np.stack([there["x"], there["y"], -there["z"]])
+            places = np.stack([states["x"], states["y"], -states["z"]])
             paths.append(log.along(places + noise * random.standard_normal(places.shape), last))
         again = estimate_factors(aircraft, race.air, paths)
-        errors.append(np.concatenate([again.factors * found.visible, (again.winds - wind).ravel()]))
-    table, seen = np.array(errors), np.append(found.visible, np.ones(2 * len(logs), np.bool_))
+        errors.append(np.concatenate([again.factors * estimate.visible, (again.winds - wind).ravel()]))
+    table, visible = np.array(errors), np.append(estimate.visible, np.ones(2 * len(logs), np.bool_))
     bias = table.mean(axis=0)
     squares = np.sum((table - bias) ** 2, axis=0) / (len(errors) - 1)
-    scatter = float((squares / found.deviations**2)[seen].mean())
-    covariance = found.covariance * max(1.0, scatter) * (1.0 + 1.0 / len(errors))
+    scatter = float((squares / estimate.deviations**2)[visible].mean())
+    covariance = estimate.covariance * max(1.0, scatter) * (1.0 + 1.0 / len(errors))
     covariance += BIAS_SHARE**2 * np.outer(bias, bias)
-    factors, winds = found.factors - bias[:FACTORS], found.winds - bias[FACTORS:].reshape(-1, 2)
-    return replace(found, factors=factors, winds=winds, covariance=covariance), bias[:FACTORS]
+    factors, winds = estimate.factors - bias[:FACTORS], estimate.winds - bias[FACTORS:].reshape(-1, 2)
+    return replace(estimate, factors=factors, winds=winds, covariance=covariance), bias[:FACTORS]
 
 
 def _with_wind(air: Air, wind: Array) -> Air:

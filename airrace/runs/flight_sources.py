@@ -66,12 +66,14 @@ def _open_with_files(
             if isinstance(run_or_log, LogView):
                 opened[path] = with_confirmation(run_or_log, verify=verify)
             else:
-                pairs = zip(names, sources, strict=True)
-                shown = {view.stage for name, view in pairs if name.path == path and isinstance(view, StageView)}
-                opened[path] = with_confirmations(run_or_log, shown, verify=verify)
-        sources = [
-            one if _is_log(name) else _source(name, opened, stage) for name, one in zip(names, sources, strict=True)
-        ]
+                stages: set[Stage] = set()
+                for name, source in zip(names, sources, strict=True):
+                    if name.path == path and isinstance(source, StageView):
+                        stages.add(source.stage)
+                opened[path] = with_confirmations(run_or_log, stages, verify=verify)
+        for number, name in enumerate(names):
+            if not _is_log(name):
+                sources[number] = _source(name, opened, stage)
     return opened, [source.flight(label) for source, label in zip(sources, labels, strict=True)]
 
 
@@ -105,8 +107,8 @@ def _is_log(name: FlightName) -> bool:
 
 def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: str | None) -> StageView | LogView:
     if not _is_log(name):
-        one = opened[name.path]
-        return source_of(one, name.stage or (stage if isinstance(one, RunState) else None))
+        opened_file = opened[name.path]
+        return source_of(opened_file, name.stage or (stage if isinstance(opened_file, RunState) else None))
     if not opened:
         raise UsageError(
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
@@ -151,7 +153,7 @@ def write_flights(
         model: an aircraft of the viewer's own, which X-Plane has; None for the usual one.
 
     Raises:
-        UsageError: there is no such format, an argument says nothing sensible, a course has no origin where the format
+        UsageError: there is no such format, an argument is out of range, a course has no origin where the format
             needs one, or a library that it needs is not installed.
         StorageError: the system refused.
     """
@@ -180,12 +182,12 @@ def origin_of(text: str) -> Origin:
         UsageError: it names none.
     """
     try:
-        latitude, longitude, *rest = (float(one) for one in text.split(","))
+        latitude, longitude, *rest = (float(number) for number in text.split(","))
         (elevation,) = rest or [0.0]
     except ValueError as error:
         raise UsageError(f"--origin {text}: expected LAT,LON,ELEV, e.g. 45.08,13.63,0") from error
-    sensible = abs(latitude) < 90.0 and abs(longitude) <= 180.0 and -500.0 <= elevation <= 9000.0
-    if not sensible:
+    on_earth = abs(latitude) < 90.0 and abs(longitude) <= 180.0 and -500.0 <= elevation <= 9000.0
+    if not on_earth:
         raise UsageError(f"--origin {text}: no place has this latitude, longitude (degrees) and elevation (m)")
     return Origin(math.radians(latitude), math.radians(longitude), elevation)
 
@@ -230,16 +232,16 @@ def flight_footprint(
         origin: where the course lies, see `origin_of`; None for what it says.
 
     Raises:
-        UsageError: an argument says nothing sensible, there is no such format, or the course has no origin where the
+        UsageError: an argument is out of range, there is no such format, or the course has no origin where the
             format needs one.
         StorageError: the system refused.
     """
     from airrace.flights.safety.footprint import Track, footprint_of  # takes scipy, which no reader of runs needs
 
     place = None if origin is None else origin_of(origin)
-    found = footprint_of(flight.race, [Track.from_flight(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
+    footprint = footprint_of(flight.race, [Track.from_flight(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
     if output is None:
-        return found
+        return footprint
     from airrace.files.export.footprint import footprint_csv, footprint_geojson, footprint_kml
 
     ensure_footprint_file(output)
@@ -247,13 +249,13 @@ def flight_footprint(
     if suffix in FORMATS:
         from airrace.pages.views.safety_views import footprint_figure
 
-        save_figure(footprint_figure(found, flight), output)
+        save_figure(footprint_figure(footprint, flight), output)
     elif suffix == ".csv":
-        write_text(output, footprint_csv(found))
+        write_text(output, footprint_csv(footprint))
     else:
         write = footprint_geojson if suffix == ".geojson" else footprint_kml
-        write_text(output, write(found, on_globe(flight, place).at_rate(10.0), BEGIN).decode())
-    return found
+        write_text(output, write(footprint, on_globe(flight, place).at_rate(10.0), BEGIN).decode())
+    return footprint
 
 
 def report_of_flights(
@@ -284,15 +286,15 @@ def report_of_flights(
 
     first = FlightName.of(names[0])
     files, flights = _open_with_files(names, stage, verify)
-    opened = files[first.path] if first.path in files else open_file(first.path)
-    if isinstance(opened, LogView):
+    run_or_log = files[first.path] if first.path in files else open_file(first.path)
+    if isinstance(run_or_log, LogView):
         if sensitivities:
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
         if envelope:
             raise UsageError(f"{first.path} is a flight log: no envelope is simulated along it")
-        return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}"), flights
-    view = opened.stage(first.stage or stage)
-    return _stage_page(opened, view, flights, sensitivities=sensitivities, envelope=envelope), flights
+        return flight_page(flights, log_sections(run_or_log), f"airrace {flights[0].source.version}"), flights
+    view = run_or_log.stage(first.stage or stage)
+    return _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope), flights
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -335,37 +337,36 @@ def _stage_page(
     from airrace.pages.report.flight_page import flight_page
     from airrace.pages.report.sections import claim_section
 
-    claimed, found = claim_of(run, view), view.confirmation or Confirmation(None)
-    sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
+    claim_text, confirmation = claim_of(run, view), view.confirmation or Confirmation(None)
+    sections = stage_sections(view, searched_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
-    sections = [claim_section(claimed, found, view.stamp), *sections]
+    sections = [claim_section(claim_text, confirmation, view.stamp), *sections]
     return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
 
 
 def claim_of(run: RunState, view: StageView) -> str:
     """Return what is claimed of a stage of a run; empty where it does not hold."""
-    stages = [one.result for one in run.stages]
-    return claim(stages[: [one.stage for one in stages].index(view.stage) + 1])
+    results = [stage.result for stage in run.stages]
+    number = [result.stage for result in results].index(view.stage)
+    return claim(results[: number + 1])
 
 
-def explored_stage(run: RunState, view: StageView) -> StageView:
-    """Return the stage that tried the routes from which a stage was climbed: itself, or the last one before it
-    that tried any; itself where none did.
-    """
-    names = [one.name for one in run]
+def searched_stage(run: RunState, view: StageView) -> StageView:
+    """Return the last stage up to this one that searched for routes; this one where none did."""
+    names = [stage.name for stage in run]
     before = run.stages[: names.index(view.name) + 1]
-    return next((one for one in reversed(before) if one.result.search.routes), view)
+    return next((stage for stage in reversed(before) if stage.result.search.routes), view)
 
 
-def stage_sections(view: StageView, explored: StageView | None = None, *, sensitivities: bool = False) -> list[str]:
+def stage_sections(view: StageView, searched: StageView | None = None, *, sensitivities: bool = False) -> list[str]:
     """Return what a run knows of a stage: routes that were tried, sensitivities, certificate, inputs.
 
     Each is HTML, and empty where there is nothing to tell.
 
     Args:
         view: the stage.
-        explored: the stage before it that tried routes; None for itself.
+        searched: the stage before it that tried routes; None for itself.
         sensitivities: whether sensitivities are computed and shown.
 
     Raises:
@@ -374,10 +375,10 @@ def stage_sections(view: StageView, explored: StageView | None = None, *, sensit
     from airrace.pages.report.sections import certificate_section, inputs_section, search_section, sensitivities_section
 
     result = view.result
-    solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
+    solver_text = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
     return [
-        search_section((explored or view).result),
+        search_section((searched or view).result),
         sensitivities_section(view.sensitivities() if sensitivities else None),
         certificate_section(view.certificate),
-        inputs_section(view.inputs, [("stage", solved)], view.versions),
+        inputs_section(view.inputs, [("stage", solver_text)], view.versions),
     ]

@@ -123,43 +123,43 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
     }
 
 
-def second_order_object(judged: SecondOrder) -> dict[str, object]:
+def second_order_object(second_order: SecondOrder) -> dict[str, object]:
     """Return the object of what the curvature tells; phase and quantity are null where there is no such direction."""
     return {
-        "curvature": judged.curvature.value,
-        "threshold_s": finite(judged.threshold),
-        "least_s": finite(judged.least),
-        "phase": judged.phase or None,
-        "quantity": judged.quantity or None,
-        "active_limits": judged.active,
-        "weakly_active_limits": judged.weakly_active,
+        "curvature": second_order.curvature.value,
+        "threshold_s": finite(second_order.threshold),
+        "least_s": finite(second_order.least),
+        "phase": second_order.phase or None,
+        "quantity": second_order.quantity or None,
+        "active_limits": second_order.active,
+        "weakly_active_limits": second_order.weakly_active,
     }
 
 
 def conflict_objects(suggested_changes: Sequence[SuggestedChange]) -> list[dict[str, object]]:
     """Return the conflicts of limits for which no flight was found, each with what would resolve it."""
-    groups = [list(group) for _, group in itertools.groupby(suggested_changes, key=lambda one: one.conflict)]
+    groups = [list(group) for _, group in itertools.groupby(suggested_changes, key=lambda change: change.conflict)]
     return [
         {
             "where": group[0].where,
-            "suggested_changes": [
-                {
-                    "key": one.key or None,
-                    "text": one.text,
-                    "unit": one.unit or None,
-                    "given": finite(one.given),
-                    "needed": finite(one.needed),
-                    "certified": one.certified,
-                    "failed": finite(one.failed),
-                    "failed_flies": one.failed_flies,
-                    "race_time_s": finite(one.race_time),
-                }
-                for one in group
-                if one.text
-            ],
+            "suggested_changes": [_change_object(change) for change in group if change.text],
         }
         for group in groups
     ]
+
+
+def _change_object(change: SuggestedChange) -> dict[str, object]:
+    return {
+        "key": change.key or None,
+        "text": change.text,
+        "unit": change.unit or None,
+        "given": finite(change.given),
+        "needed": finite(change.needed),
+        "certified": change.certified,
+        "failed": finite(change.failed),
+        "failed_flies": change.failed_flies,
+        "race_time_s": finite(change.race_time),
+    }
 
 
 def finite(value: float) -> float | None:
@@ -179,36 +179,35 @@ def legs_object(flight: Flight) -> dict[str, object]:
 def warnings_object(flight: Flight) -> dict[str, object]:
     """Return `least_distances`, `near_misses` and `sustained_loads` of a stage: SI units, g."""
     return {
-        "least_distances": [_clearance(one) for one in least_distances(flight)],
-        "near_misses": [_near_miss(one) for one in near_misses(flight)],
+        "least_distances": [_clearance(clearance) for clearance in least_distances(flight)],
+        "near_misses": [_near_miss(near_miss) for near_miss in near_misses(flight)],
         "sustained_loads": [
             {
-                "n_z_g": one.n_z,
-                "begin_s": one.begin,
-                "duration_s": one.duration,
-                "tolerated_s": one.tolerated,
-                "text": one.text,
+                "n_z_g": load.n_z,
+                "begin_s": load.begin,
+                "duration_s": load.duration,
+                "tolerated_s": load.tolerated,
+                "text": load.text,
             }
-            for one in sustained_loads(flight)
+            for load in sustained_loads(flight)
         ],
     }
 
 
-def planned_object(planned: Flight, clearances: Sequence[Clearance]) -> dict[str, object]:
+def planned_object(flight: Flight, clearances: Sequence[Clearance]) -> dict[str, object]:
     """Return `planned` of `airrace check --json`: what the planned line comes near to, and between which passings."""
-    return {
-        "optimised": False,
-        "least_distances": [
-            {**_clearance(one), "leg": [end.name for end in passings_around(planned, one.time)]} for one in clearances
-        ],
-    }
+    distances: list[dict[str, object]] = []
+    for clearance in clearances:
+        before, after = passings_around(flight, clearance.time)
+        distances.append({**_clearance(clearance), "leg": [before.name, after.name]})
+    return {"optimised": False, "least_distances": distances}
 
 
-def _near_miss(one: NearMiss) -> dict[str, object]:
+def _near_miss(near_miss: NearMiss) -> dict[str, object]:
     return {
-        **_clearance(one.clearance),
-        "leg": [one.before.name, one.after.name],
-        "beside": None if one.passing is None else one.passing.name,
+        **_clearance(near_miss.clearance),
+        "leg": [near_miss.before.name, near_miss.after.name],
+        "beside": None if near_miss.passing is None else near_miss.passing.name,
     }
 
 
@@ -225,36 +224,38 @@ def _leg(facts: LegFacts) -> dict[str, object]:
         "roll_rate_rad_s": finite(facts.roll_rate),
         "energy_height_in_m": finite(facts.energy_in),
         "energy_height_out_m": finite(facts.energy_out),
-        "clearances": [_clearance(one) for one in facts.clearances],
+        "clearances": [_clearance(clearance) for clearance in facts.clearances],
     }
 
 
-def _range(one: Range) -> dict[str, float | None]:
-    return {"least": finite(one.least), "greatest": finite(one.greatest)}
+def _range(value_range: Range) -> dict[str, float | None]:
+    return {"least": finite(value_range.least), "greatest": finite(value_range.greatest)}
 
 
-def _clearance(one: Clearance) -> dict[str, object]:
+def _clearance(clearance: Clearance) -> dict[str, object]:
     return {
-        "kind": one.kind,
-        "name": one.name,
-        "distance_m": finite(one.distance),
-        "required_m": one.required,
-        "time_s": one.time,
-        "north_m": one.north,
-        "east_m": one.east,
-        "height_m": finite(one.height),
+        "kind": clearance.kind,
+        "name": clearance.name,
+        "distance_m": finite(clearance.distance),
+        "required_m": clearance.required,
+        "time_s": clearance.time,
+        "north_m": clearance.north,
+        "east_m": clearance.east,
+        "height_m": finite(clearance.height),
     }
 
 
 def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
     """Return what `airrace compare --json` prints: seconds, metres; legs in race order."""
-    pair = len(comparisons) == 2
-    return {
+    fields: dict[str, object] = {
         "tie_s": TIE,
         "reference": flight_object(reference),
-        "flights": [_comparison_object(one) for one in comparisons],
-        **({"rivals": _comparison_object(compare_flights(*(one.other for one in comparisons)))} if pair else {}),
+        "flights": [_comparison_object(comparison) for comparison in comparisons],
     }
+    if len(comparisons) == 2:
+        first, second = comparisons
+        fields["rivals"] = _comparison_object(compare_flights(first.other, second.other))
+    return fields
 
 
 def flight_object(flight: Flight) -> dict[str, object]:
@@ -266,7 +267,7 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "stage": flight.source.stage or None,
         "status": None if flight.source.status is None else flight.source.status.value,
         "certified": flight.source.certified,
-        **({} if (found := flight.source.confirmation) is None else confirmation_object(found)),
+        **({} if (confirmation := flight.source.confirmation) is None else confirmation_object(confirmation)),
         "race_time_s": finite(flight.race_time),
         "stamp": stamp_object(flight.stamp),
     }
@@ -327,25 +328,27 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
         "progress": {
             "shares_of_a_leg": SHARES.tolist(),
             "distance_m": progress.distance.tolist(),
-            "difference_s": [finite(one) for one in progress.difference.tolist()],
+            "difference_s": [finite(difference) for difference in progress.difference.tolist()],
             "passings_m": progress.passings.tolist(),
         },
     }
 
 
-def _loss_object(lost: TimeLoss) -> dict[str, object]:
+def _loss_object(time_loss: TimeLoss) -> dict[str, object]:
     return {
-        "flight": lost.comparison.other.label,
-        "against": lost.comparison.reference.label,
-        "costliest": [{"passing": one.leg.name, "lost_s": one.amount, "text": one.text} for one in lost.costliest],
+        "flight": time_loss.comparison.other.label,
+        "against": time_loss.comparison.reference.label,
+        "costliest": [
+            {"passing": loss.leg.name, "lost_s": loss.amount, "text": loss.text} for loss in time_loss.costliest
+        ],
         "legs": [
             {
-                "from": one.leg.reference.before.name,
-                "passing": one.leg.name,
-                "lost_s": one.amount,
-                **{f"by_{cause.value}_s": part for cause, part in one.parts.items()},
+                "from": loss.leg.reference.before.name,
+                "passing": loss.leg.name,
+                "lost_s": loss.amount,
+                **{f"by_{cause.value}_s": part for cause, part in loss.parts.items()},
             }
-            for one in lost.losses
+            for loss in time_loss.losses
         ],
     }
 

@@ -51,14 +51,14 @@ class LogView:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences for whoever looks at the flight."""
+        """Sentences for readers of the flight."""
         return self.recorded.log.remarks
 
     @property
     def penalty(self) -> float:
         """The penalties of all violations that are certain, s; infinity where one of them ends the race."""
-        known = [one.penalty for one in self.violations if one.certain and not math.isnan(one.penalty)]
-        return float(sum(known))
+        penalties = [violation.penalty for violation in self.violations if violation.certain]
+        return float(sum(penalty for penalty in penalties if not math.isnan(penalty)))
 
     def flight(self, label: str | None = None) -> Flight:
         """Return the flight; see `airrace.flights.results`.
@@ -69,43 +69,45 @@ class LogView:
         Raises:
             CheckpointError: the passings are not those of its course.
         """
-        stored, race = self.recorded, self.inputs.race
+        checkpoint, race = self.recorded, self.inputs.race
         names = [passage.name for passage in race.course.passages]
-        if [one.passing for one in stored.passings] != names:
+        if [passing.passing for passing in checkpoint.passings] != names:
             raise CheckpointError("the flight log is damaged: its passings are not those of its course")
-        histories = {one.quantity.name: History(one.quantity, one.values, Basis(one.basis)) for one in stored.histories}
+        histories: dict[str, History] = {}
+        for history in checkpoint.histories:
+            histories[history.quantity.name] = History(history.quantity, history.values, Basis(history.basis))
         crossings: list[TimedCrossing] = []
-        for passage, passing in zip(race.course.passages, stored.passings, strict=True):
+        for passage, passing in zip(race.course.passages, checkpoint.passings, strict=True):
             values: dict[str, float] = {}
             if math.isfinite(passing.time):
-                row = min(int(np.searchsorted(stored.time, passing.time - 1e-9)), len(stored.time) - 1)
-                values = {name: float(one.values[row]) for name, one in histories.items()}
+                row = min(int(np.searchsorted(checkpoint.time, passing.time - 1e-9)), len(checkpoint.time) - 1)
+                values = {name: float(history.values[row]) for name, history in histories.items()}
             crossings.append(TimedCrossing(passage, passing.time, values))
         source = Source(
-            label or stored.label,
-            version=stored.versions.get("airrace", ""),
+            label or checkpoint.label,
+            version=checkpoint.versions.get("airrace", ""),
             remark=" ".join(self.remarks),
             confirmation=self.confirmation,
         )
-        return with_distances(Flight(race, source, stored.time, histories, tuple(crossings)))
+        return with_distances(Flight(race, source, checkpoint.time, histories, tuple(crossings)))
 
     @property
     def splits(self) -> Splits:
         """The gate splits of the passings that were made."""
-        made = [one for one in self.flight().crossings if one.found]
+        crossings = [crossing for crossing in self.flight().crossings if crossing.found]
         return Splits(
             tuple(
                 GateSplit(
-                    one.name,
-                    one.time,
-                    V_K=one.value("V_K"),
-                    height=one.value("height"),
-                    n_z=one.value("n_z"),
-                    bank=one.value("mu"),
-                    climb=one.value("gamma"),
-                    heading=one.value("chi"),
+                    crossing.name,
+                    crossing.time,
+                    V_K=crossing.value("V_K"),
+                    height=crossing.value("height"),
+                    n_z=crossing.value("n_z"),
+                    bank=crossing.value("mu"),
+                    climb=crossing.value("gamma"),
+                    heading=crossing.value("chi"),
                 )
-                for one in made
+                for crossing in crossings
             )
         )
 
@@ -168,7 +170,7 @@ class LogView:
 def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
     """Return a flight log that is stored nowhere yet."""
     flight, log = log_flight.flight, log_flight.recording
-    recorded = LogCheckpoint(
+    checkpoint = LogCheckpoint(
         inputs=stored_inputs(inputs),
         versions=library_versions(),
         log=RawLog(
@@ -185,23 +187,26 @@ def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
             ),
         ),
         time=flight.time,
-        histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
-        passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
+        histories=tuple(
+            StoredHistory(history.quantity, history.values, history.basis.value)
+            for history in flight.histories.values()
+        ),
+        passings=tuple(StoredPassing(crossing.name, crossing.time) for crossing in flight.crossings),
         violations=log_flight.violations,
         label=flight.label,
     )
-    return LogView(inputs, recorded)
+    return LogView(inputs, checkpoint)
 
 
-def open_log(recorded: LogCheckpoint) -> LogView:
+def open_log(checkpoint: LogCheckpoint) -> LogView:
     """Return a flight log that was read from its file; its inputs are understood anew from their stored texts.
 
     Raises:
         InputError: this version of airrace no longer accepts them.
     """
-    track, aircraft, _ = stored_documents(recorded.inputs)
-    overrides = [one for one in recorded.inputs.overrides if not one.strip().startswith("settings.")]
-    return LogView(inputs_from_documents(track, aircraft, None, overrides), recorded)
+    track, aircraft, _ = stored_documents(checkpoint.inputs)
+    overrides = [text for text in checkpoint.inputs.overrides if not text.strip().startswith("settings.")]
+    return LogView(inputs_from_documents(track, aircraft, None, overrides), checkpoint)
 
 
 def fly_log_through(

@@ -34,10 +34,10 @@ class FlightName:
             UsageError: nothing stands behind the colon.
         """
         file, colon, stage = text.rpartition(":")
-        named = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
-        if named and not stage:
+        names_stage = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
+        if names_stage and not stage:
             raise UsageError(f"{text} names no stage behind the colon; leave the colon out for the last one")
-        return cls(Path(file), stage) if named else cls(Path(text), None)
+        return cls(Path(file), stage) if names_stage else cls(Path(text), None)
 
 
 NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: name one with --output"
@@ -66,7 +66,7 @@ def ensure_free(
         paths: the files.
         force: whether they may exist.
         hint: stands before the advice to overwrite one with `--force`, and ends in a space.
-        sources: what the command reads besides the extensions: files, names of what comes along, flights as
+        sources: what the command reads besides the extensions: files, names of shipped ones, flights as
             `RUN.h5:STAGE` and documents; anything else has no file.
         made: a folder that the command makes where it is missing.
 
@@ -78,7 +78,7 @@ def ensure_free(
     if len(paths) - len(files) > 1:
         raise UsageError(ONE_ON_STDOUT)
     read = {identity(file) for source in [*sources, *extensions()] for file in _files(source)}
-    written = set[Hashable]()
+    targets = set[Hashable]()
     folders = dict[Path, None]()
     for path in files:
         if Path(os.path.realpath(path)).is_symlink():
@@ -88,11 +88,11 @@ def ensure_free(
         file = identity(path)
         if file in read:
             raise UsageError(f"{path} is read by this command; write into another file")
-        if file in written:
+        if file in targets:
             raise UsageError(f"{path} is another file that this command writes; name another one")
         if path.exists() and not force:
             raise UsageError(f"{path} exists; {hint}overwrite it with --force")
-        written.add(file)
+        targets.add(file)
         if made is None or made.exists() or identity(path.parent) != identity(made):
             folders[path.parent] = None
     for folder in folders:
@@ -121,11 +121,11 @@ def _files(source: object) -> set[Path | int]:
     """Return the files that may be meant by what a command reads; stdin, which may be a file, by its descriptor."""
     if not isinstance(source, str | Path | Document):
         return set()
-    named = source.path if isinstance(source, Document) else str(source)
-    path = Path(named)
-    if FlightName.of(named).path == STANDARD:
+    source_name = source.path if isinstance(source, Document) else str(source)
+    path = Path(source_name)
+    if FlightName.of(source_name).path == STANDARD:
         return {0}
-    meant = {path, TRACKS.file(path), AIRCRAFT.file(path), FlightName.of(named).path}
+    meant = {path, TRACKS.file(path), AIRCRAFT.file(path), FlightName.of(source_name).path}
     return {file for file in meant if file.exists()}
 
 

@@ -95,11 +95,11 @@ def read_inputs(
         InputError: they are not valid; it carries all findings.
         UsageError: no course is given.
     """
-    named = document_or_path(track)
-    if named is None:
+    source = document_or_path(track)
+    if source is None:
         raise UsageError("a course is needed: a name, a file or an object")
     return load_inputs(
-        named,
+        source,
         aircraft=document_or_path(aircraft_of(track, aircraft)),
         settings=settings,
         overrides=[*value_texts(set), *chosen_texts("settings", **chosen)],
@@ -164,20 +164,19 @@ class ExecutionPlan:
         """Compare the flight with that of the run that it started from; None where it has none, or none in common."""
         if self.start is None:
             return None
-        before, after = (
-            [StageView(run.inputs, one, run.checkpoint.versions) for one in stages]
-            for run, stages in ((self.start, self.start.results), (self.run, results))
-        )
+        start, run = self.start, self.run
+        before = [StageView(start.inputs, result, start.checkpoint.versions) for result in start.results]
+        after = [StageView(run.inputs, result, run.checkpoint.versions) for result in results]
         return compare_stages(before, after, (self.start.label, self.run.label))
 
     @property
     def reserve(self) -> PlannedReserve | None:
         """The search for a reserve that follows the last stage; None where none is asked for, or it has ended."""
-        wanted = self.run.inputs.reserve
-        if wanted is None or wanted.found is not None or self.until is not procedure.STAGES[-1]:
+        reserve = self.run.inputs.reserve
+        if reserve is None or reserve.found is not None or self.until is not procedure.STAGES[-1]:
             return None
-        kept = self.run.attempts if self.steps and all(step.action == "keep" for step in self.steps) else ()
-        return PlannedReserve(wanted.probability, len(kept), done=bool(kept) and kept[-1].attempt.done)
+        attempts = self.run.attempts if self.steps and all(step.action == "keep" for step in self.steps) else ()
+        return PlannedReserve(reserve.probability, len(attempts), done=bool(attempts) and attempts[-1].attempt.done)
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -225,11 +224,11 @@ class Changes:
             InputError: the inputs are not valid; it carries all findings.
         """
         findings: list[Finding] = []
-        stored = before.checkpoint.inputs
-        track, aircraft, settings = stored_documents(stored)
+        stored_inputs = before.checkpoint.inputs
+        track, aircraft, settings = stored_documents(stored_inputs)
         if self.track is not None:
             track = read_named(TRACKS, self.track, findings)
-        texts = in_force([*stored.overrides, *self.overrides])
+        texts = in_force([*stored_inputs.overrides, *self.overrides])
         if self.aircraft is not None:
             aircraft = read_named(AIRCRAFT, self.aircraft, findings)
         elif track is not None and any(text.partition("=")[0].strip() == "aircraft" for text in self.overrides):
@@ -253,16 +252,16 @@ def open_source_run(path: Path) -> RunState:
         InputError: this version of airrace does not accept its inputs.
     """
     checkpoint = read_checkpoint(path)
-    others = [
+    differing = [
         f"{name} {checkpoint.versions.get(name, 'unknown')}"
         for name, number in library_versions().items()
         if checkpoint.versions.get(name) != number
     ]
-    if others:
+    if differing:
         logger.warning(
             "%s was written with %s; its flight is only a start, and what is found is certified anew",
             path,
-            ", ".join(others),
+            ", ".join(differing),
         )
     return run_of_checkpoint(checkpoint, path)
 
@@ -334,12 +333,12 @@ def _with_its_own_reserve(changes: Changes, before: RunState) -> Inputs:
     """Return the changed inputs: margins of a reserve stay, and say where they were measured; for another reserve that
     is asked for, they are searched for again.
     """
-    given, after = before.inputs.reserve, changes.inputs(before)
-    if given is None or given.found is None or after.reserve is None or after.reserve.found is None:
+    reserve, after = before.inputs.reserve, changes.inputs(before)
+    if reserve is None or reserve.found is None or after.reserve is None or after.reserve.found is None:
         return after
-    if asked_text(after.reserve) != asked_text(given):
+    if asked_text(after.reserve) != asked_text(reserve):
         return changes.with_overrides(["margins=null", "rules.reserve.found=null"]).inputs(before)
-    source = given.found.source or before.label
+    source = reserve.found.source or before.label
     return changes.with_overrides([f"rules.reserve.found.source={value_text(source)}"]).inputs(before)
 
 
@@ -349,13 +348,10 @@ def _ensure_startable(before: RunState, run: RunState, until: Stage) -> Stage:
     Raises:
         UsageError: it has other passings, or no certified or solved stage up to `until`.
     """
-    there, here = (passings_of(one.inputs.race.course) for one in (before, run))
-    ensure_same_passings(here, there, before.label)
-    return (
-        SourceRun(before.label, before.results)
-        .usable_optima(procedure.STAGES[: procedure.STAGES.index(until) + 1])[0]
-        .stage
-    )
+    passings_before, passings = (passings_of(state.inputs.race.course) for state in (before, run))
+    ensure_same_passings(passings, passings_before, before.label)
+    stages = procedure.STAGES[: procedure.STAGES.index(until) + 1]
+    return SourceRun(before.label, before.results).usable_optima(stages)[0].stage
 
 
 def plan_resumed_run(
@@ -389,21 +385,21 @@ def plan_resumed_run(
     steps: list[PlannedStage] = []
     reused: list[StageResult] = []
     for number, stage in enumerate(procedure.STAGES[: procedure.STAGES.index(last) + 1]):
-        stored = run.checkpoint.stage(stage)
+        stored_stage = run.checkpoint.stage(stage)
         if stage is again:
             reason = "asked for"
         elif steps and steps[-1].reason:
             reason = f"{steps[-1].stage.value} runs before it"
-        elif stored is not None:
-            reason = stale.get(stage, "") or _unfit(stored.result)
+        elif stored_stage is not None:
+            reason = stale.get(stage, "") or _unfit(stored_stage.result)
         elif _went_without(run, stage, procedure.STAGES[number + 1 :], again, stale):
             continue
         else:
             reason = "not finished"
         unchecked = ""
-        if stored is not None and not reason:
-            reused.append(stored.result)
-            if stored.result.status is Status.SOLVED and checks_mesh(run.inputs.settings, stage, last):
+        if stored_stage is not None and not reason:
+            reused.append(stored_stage.result)
+            if stored_stage.result.status is Status.SOLVED and checks_mesh(run.inputs.settings, stage, last):
                 unchecked = "it was solved on one mesh"
         steps.append(PlannedStage(stage, reason, unchecked))
     return ExecutionPlan(run, last, tuple(reused), tuple(steps))
@@ -411,10 +407,13 @@ def plan_resumed_run(
 
 def _with_mesh_check(run: RunState, mesh_check: MeshCheck | str) -> RunState:
     """Return the same run, of which other stages are to be checked on a second mesh. Its stages stand as they did."""
-    stored = run.checkpoint.inputs
-    asked = mesh_check.value if isinstance(mesh_check, MeshCheck) else mesh_check
-    overrides = (*(text for text in stored.overrides if not text.startswith(MESH_CHECK)), f"{MESH_CHECK}{asked}")
-    return run.with_inputs(inputs_from_documents(*stored_documents(stored), overrides))
+    stored_inputs = run.checkpoint.inputs
+    mesh_check_text = mesh_check.value if isinstance(mesh_check, MeshCheck) else mesh_check
+    overrides = (
+        *(text for text in stored_inputs.overrides if not text.startswith(MESH_CHECK)),
+        f"{MESH_CHECK}{mesh_check_text}",
+    )
+    return run.with_inputs(inputs_from_documents(*stored_documents(stored_inputs), overrides))
 
 
 def _went_without(
@@ -426,10 +425,13 @@ def _went_without(
     them only where nothing of its own stands.
     """
     if stage is Stage.HOMOTOPY and run.inputs.settings.guess is GuessKind.PLAN:
-        return any(run.checkpoint.stage(one) is not None for one in later)
+        return any(run.checkpoint.stage(later_stage) is not None for later_stage in later)
     before = later if from_stage not in later else later[: later.index(from_stage)]
-    standing = (run.checkpoint.stage(one) for one in before if one not in stale)
-    return any(one is not None and not _unfit(one.result) for one in standing)
+    for earlier in before:
+        stored_stage = run.checkpoint.stage(earlier)
+        if earlier not in stale and stored_stage is not None and not _unfit(stored_stage.result):
+            return True
+    return False
 
 
 def _unfit(result: StageResult) -> str:

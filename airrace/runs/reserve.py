@@ -1,8 +1,8 @@
 """A flight with a reserve: margins so large that a race in disturbances breaks no limit with the probability asked for.
 
 Margins follow from the linear covariance of the closed loop along the flight, which the margins change; so the race is
-solved again with them until they stay. Closed-loop flights measure their effect. Where that is too little, or
-much more than was asked for, the risk that is allocated is scaled by what was wanted over what was found.
+solved again with them until they converge. Closed-loop flights measure their effect. Where that is too little or far
+too much, the allocated risk is scaled by the ratio of allowed to observed breaches.
 """
 
 import math
@@ -29,29 +29,28 @@ from airrace.runs.safety_case import SafetyCase, scatter_of
 FlyAgain = Callable[[RunState, Sequence[str]], RunState]
 """Flies a run again with some values set, as `key=value`."""
 Keep = Callable[[ReserveAttempt, RunState | None], None]
-"""Keeps a finished attempt with the run that it has flown, None where there is no flight with such margins."""
-
+"""Stores a finished attempt with its run, None where no flight has such margins."""
 
 ALLOCATION_ITERATIONS_MAX = 3
-"""How often margins are computed again for one risk at most."""
+"""Maximum number of margin allocations for one risk."""
 RACE_TIME_CONVERGENCE = 2e-3
-"""The change of the race time by other margins below which they stay, s."""
+"""Change of the race time below which the margins have converged, s."""
 CONFIDENCE_TOLERANCE = 0.01
-"""By how much the lower end of the interval of confidence may lie below the probability."""
+"""How far the lower end of the confidence interval may lie below the probability."""
 EXCESS_MARGIN_SHARE = 0.4
-"""The share of the breaches that are allowed below which margins are too large."""
+"""Margins are too large where fewer than this share of the allowed breaches occurs."""
 TARGET_SHARE = 0.8
-"""The share of them that is aimed at."""
+"""Target share of the allowed breaches."""
 NONLINEARITY_FACTOR = 2.0
-"""How many times as many flights as predicted may break a limit before the stall is taken for the cause."""
+"""Ratio of observed to predicted breaches above which the stall is taken for the cause."""
 LIFT_STEP = 0.5
-"""The share of the full margin of the lift coefficient that is added then."""
+"""Share of the full margin of the lift coefficient that is added then."""
 RISK_CHANGE_MAX = 8.0
-"""By how much the risk is scaled at most."""
+"""Largest factor of one change of the risk."""
 FLIGHTS = 1000
 """Closed-loop flights."""
 REQUEST = ("probability", "load_factor", "found")
-"""The keys of a reserve that are no options of closed-loop flights."""
+"""Keys of a reserve that are no options of closed-loop flights."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +134,12 @@ class ReserveCase:
     def table(self) -> Table:
         """Return the margins with their costs."""
         measured, time, loads = self.measured, self.run.race_time, self.case.result.counts[LOAD]
-        rows = [[one.key, one.margin, one.unit, one.cost, 100.0 * one.risk] for one in self.margins]
+        rows = [[margin.key, margin.margin, margin.unit, margin.cost, 100.0 * margin.risk] for margin in self.margins]
         notes = [
             f"of {measured.of} closed-loop flights {measured.flights} break nothing but perhaps the load factor: "
             f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
             f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
-            f"cost: by the sensitivities at both ends; {sum(one.cost for one in self.margins):.3f} s in all",
+            f"cost: by the sensitivities at both ends; {sum(margin.cost for margin in self.margins):.3f} s in all",
         ]
         title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
         return Table(title, COLUMNS, rows, [*notes, *([self.message] if self.message else [])])
@@ -174,7 +173,7 @@ def reserve_named(run: RunState, texts: Sequence[str]) -> ReserveEntry:
     """Return the reserve of a run whose rules had these values, `key=value`.
 
     Raises:
-        InputError: they make no sense.
+        InputError: they are not valid.
     """
     if is_of_objects(run.inputs.track):
         raise UsageError("margins have keys in files alone: this course was built in Python")
@@ -217,7 +216,7 @@ def fly_reserve(
 
 
 UNSEARCHED = ("rules.reserve=null", "margins=null")
-"""What makes a race one without a reserve."""
+"""Overrides that remove a reserve from a race."""
 
 
 @dataclass(frozen=True)
@@ -274,51 +273,54 @@ class _Search:
             attempt += 1
         if not self.found:
             self._measure(self.optimum, 0)
-        reached = [one for one in self.found if one.reached]
-        if reached:
-            best = min(reached, key=lambda one: one.run.race_time)
+        sufficient = [flight for flight in self.found if flight.reached]
+        if sufficient:
+            best = min(sufficient, key=lambda flight: flight.run.race_time)
         else:
-            best = max(self.found, key=lambda one: one.outside.of - one.outside.flights)
+            best = max(self.found, key=lambda flight: flight.outside.of - flight.outside.flights)
         return self._case_of(best).stored()
 
     def _take_up(self) -> tuple[bool, int]:
-        """Take up the attempts that the run holds; return whether none is left, and the number of the next."""
-        kept = self.optimum.checkpoint.standing_attempts(self.asked)
-        for number, stored in enumerate(kept):
-            one, flown = stored.attempt, self.optimum.attempt_run(stored)
-            if flown is not None:
-                outside, over_load = (Count.with_interval(few, one.flights) for few in (one.outside, one.over_load))
-                self._note(number, flown, outside, over_load, None)
-            self.risks = dict(zip(self.risks, (one.risk, one.load_risk), strict=False))
-            self.lift = one.lift
+        """Restore the attempts that the run holds; return whether none is left, and the number of the next."""
+        attempts = self.optimum.checkpoint.standing_attempts(self.asked)
+        for number, stored_attempt in enumerate(attempts):
+            attempt, flight = stored_attempt.attempt, self.optimum.attempt_run(stored_attempt)
+            if flight is not None:
+                outside = Count.with_interval(attempt.outside, attempt.flights)
+                over_load = Count.with_interval(attempt.over_load, attempt.flights)
+                self._note(number, flight, outside, over_load, None)
+            self.risks = dict(zip(self.risks, (attempt.risk, attempt.load_risk), strict=False))
+            self.lift = attempt.lift
             self.tell(f"{self._name(number)}: kept, not made again")
-        return bool(kept) and kept[-1].attempt.done, len(kept)
+        return bool(attempts) and attempts[-1].attempt.done, len(attempts)
 
     def _attempt(self, number: int) -> bool:
-        """Make an attempt and keep it; return whether none follows."""
-        enough, solved, limits = self._with_margins(self.found[-1].run if self.found else self.optimum)
-        if solved is None:  # no flight with such margins
+        """Make an attempt and store it; return whether it is the last."""
+        enough, latest_run, limits = self._with_margins(self.found[-1].run if self.found else self.optimum)
+        if latest_run is None:  # no flight with such margins
             self.risks = {kind: min(risk * RISK_CHANGE_MAX, 0.5) for kind, risk in self.risks.items()}
             self.lift = max(self.lift - LIFT_STEP, 0.0)
             self.keep(self._record(None, done=False), None)
             self.tell(f"{self._name(number)}: no flight with such margins")
             return False
-        if self.found and solved.inputs.margins == self.found[-1].run.inputs.margins:
+        if self.found and latest_run.inputs.margins == self.found[-1].run.inputs.margins:
             return True
-        latest = self._measure(solved, number)
+        latest = self._measure(latest_run, number)
         done = self._is_done(latest, limits, enough=enough)
-        self.keep(self._record(latest, done=done), solved)
+        self.keep(self._record(latest, done=done), latest_run)
         within = latest.outside.of - latest.outside.flights
-        self.tell(f"{self._name(number)}: {solved.race_time:.3f} s, {within} of {latest.outside.of} flights keep it")
+        self.tell(
+            f"{self._name(number)}: {latest_run.race_time:.3f} s, {within} of {latest.outside.of} flights keep it"
+        )
         return done
 
     def _name(self, number: int) -> str:
         return f"reserve {self.wanted.probability:g}, attempt {number + 1} of {ATTEMPTS_MAX}"
 
-    def _record(self, measured: _Measured | None, *, done: bool) -> ReserveAttempt:
+    def _record(self, closed_loop: _Measured | None, *, done: bool) -> ReserveAttempt:
         counts = (0, 0, 0)
-        if measured is not None:
-            counts = measured.outside.of, measured.outside.flights, measured.over_load.flights
+        if closed_loop is not None:
+            counts = closed_loop.outside.of, closed_loop.outside.flights, closed_loop.over_load.flights
         return ReserveAttempt(self.asked, *counts, self.risks[""], self.risks.get(LOAD, 0.0), self.lift, done)
 
     def _with_margins(self, latest: RunState) -> tuple[bool, RunState | None, list[Limit]]:
@@ -330,10 +332,12 @@ class _Search:
         enough, limits = True, self._limits(latest)
         for _ in range(ALLOCATION_ITERATIONS_MAX):
             allocations = self._allocate(limits, _prices(latest))
-            margins = {key: value for one in allocations for key, value in one.margins.items()}
+            margins: dict[str, float] = {}
+            for allocation in allocations:
+                margins |= allocation.margins
             lift = lift_margin(limits, self.pilot, self.lift)
             margins |= {"rules.C_L_max": lift} if lift else {}
-            enough = all(one.reaches for one in allocations)
+            enough = all(allocation.reaches for allocation in allocations)
             values = [f"margins.{key}={value:.4g}" for key, value in sorted(margins.items())]
             if not values and not latest.inputs.margins:
                 break
@@ -354,14 +358,12 @@ class _Search:
         return limits_of(race, result, closed_loop_of(race, result, self.pilot), self.scatter, latest.inputs.margins)
 
     def _allocate(self, limits: Sequence[Limit], prices: Mapping[str, float]) -> list[Allocation]:
-        judged = [one for one in limits if one.kind != STALL]
-        return [
-            allocate([one for one in judged if (one.kind == LOAD) is (kind == LOAD)], prices, risk)
-            for kind, risk in self.risks.items()
-        ]
+        loads = [limit for limit in limits if limit.kind == LOAD]
+        rest = [limit for limit in limits if limit.kind not in (LOAD, STALL)]
+        return [allocate(loads if kind == LOAD else rest, prices, risk) for kind, risk in self.risks.items()]
 
     def _measure(self, latest: RunState, number: int) -> _Measured:
-        """Fly a line in closed loop, each attempt in other disturbances, and note its effect."""
+        """Fly an optimum in closed loop, every attempt in disturbances of its own, and note the outcome."""
         case = self._fly(latest, number)
         return self._note(number, latest, case.result.outside, case.result.counts[LOAD], case)
 
@@ -374,10 +376,10 @@ class _Search:
         return self.found[-1]
 
     def _case_of(self, best: _Measured) -> ReserveCase:
-        """Return what was found in full.
+        """Return the best attempt in full.
 
         Raises:
-            CheckpointError: the flights of an attempt that was kept break more or less than it says.
+            CheckpointError: the flights of a stored attempt break more or fewer limits than it says.
         """
         case = best.case or self._fly(best.run, best.number)
         if (case.result.outside, case.result.counts[LOAD]) != (best.outside, best.over_load):
@@ -386,7 +388,7 @@ class _Search:
                 f"limit where it says {best.outside.flights}; `airrace resume --from six-dof` makes all attempts again"
             )
         limits, after = self._limits(best.run), _prices(best.run)
-        units = {one.key: one.unit for one in course_limits(best.run.inputs.race)}
+        units = {limit.key: limit.unit for limit in course_limits(best.run.inputs.race)}
         pairs = self._risks_of(limits)
         margins = [
             KeptMargin(
@@ -394,7 +396,7 @@ class _Search:
                 margin,
                 units[key],
                 0.5 * margin * (self.prices.get(key, 0.0) + after.get(key, 0.0)),
-                sum(float(one.risk_now) for one in limits if one.key == key),
+                sum(float(limit.risk_now) for limit in limits if limit.key == key),
             )
             for key, margin in best.run.inputs.margins.items()
             if margin > 0.0
@@ -403,7 +405,7 @@ class _Search:
             run=best.run,
             wanted=self.wanted,
             optimum=self.optimum.race_time,
-            margins=tuple(sorted(margins, key=lambda one: -one.cost)),
+            margins=tuple(sorted(margins, key=lambda margin: -margin.cost)),
             predicted=_predicted(pairs),
             case=case,
             reached=best.reached,
@@ -412,8 +414,8 @@ class _Search:
 
     def _risks_of(self, limits: Sequence[Limit]) -> list[tuple[float, Limit]]:
         """Return the risks that remain of the limits that are judged."""
-        ignored = {STALL} if LOAD in self.risks else {STALL, LOAD}
-        return [(float(one.risk_now), one) for one in limits if one.kind not in ignored]
+        excluded = {STALL} if LOAD in self.risks else {STALL, LOAD}
+        return [(float(limit.risk_now), limit) for limit in limits if limit.kind not in excluded]
 
     def _counts(self, outside: Count, over_load: Count) -> Iterator[tuple[Count, float]]:
         yield outside, 1.0 - self.wanted.probability
@@ -421,59 +423,60 @@ class _Search:
             yield over_load, 1.0 - self.wanted.load_factor
 
     def _is_done(self, latest: _Measured, limits: Sequence[Limit], *, enough: bool) -> bool:
-        """Tell whether flights break neither too much nor too little; else keep off the stall, or scale the risks.
+        """Return whether as many flights break limits as intended; else keep off the stall, or scale the risks.
 
         Args:
             latest: the flights.
-            limits: of what they follow.
+            limits: of the optimum that they track.
             enough: whether margins sufficed for the risks.
         """
         if latest.reached and not any(latest.run.inputs.margins.values()):
             return True
-        scattered = latest.outside.lower > NONLINEARITY_FACTOR * (1.0 - _predicted(self._risks_of(limits)))
-        if not latest.reached and scattered and lift_margin(limits, self.pilot, self.lift + LIFT_STEP):
+        nonlinear = latest.outside.lower > NONLINEARITY_FACTOR * (1.0 - _predicted(self._risks_of(limits)))
+        if not latest.reached and nonlinear and lift_margin(limits, self.pilot, self.lift + LIFT_STEP):
             self.lift += LIFT_STEP
             return False
         done = True
-        counts = list(self._counts(latest.outside, latest.over_load))
+        counts = self._counts(latest.outside, latest.over_load)
         for kind, (count, risk) in zip(self.risks, counts, strict=True):
-            allowed = _allowance(count, risk)
-            if _is_rare(count, risk) and count.flights >= EXCESS_MARGIN_SHARE * allowed:
+            flights_max = _allowance(count, risk)
+            if _is_rare(count, risk) and count.flights >= EXCESS_MARGIN_SHARE * flights_max:
                 continue
-            done = not enough  # smaller margins are no answer, and larger ones there are not
-            factor = TARGET_SHARE * max(allowed, 0.5) / max(count.flights, 0.5)
+            done = not enough  # margins cannot be enlarged any further
+            factor = TARGET_SHARE * max(flights_max, 0.5) / max(count.flights, 0.5)
             self.risks[kind] *= min(max(factor, 1.0 / RISK_CHANGE_MAX), RISK_CHANGE_MAX)
         return done
 
 
 def _predicted(pairs: Sequence[tuple[float, Limit]]) -> float:
     """Return the probability of no breach but of the load factor, at least, by the linear covariance."""
-    return max(1.0 - sum(risk for risk, one in pairs if one.kind != LOAD), 0.0)
+    return max(1.0 - sum(risk for risk, limit in pairs if limit.kind != LOAD), 0.0)
 
 
 def _limit_texts(pairs: Sequence[tuple[float, Limit]]) -> list[str]:
-    """Return the limits that are broken most probably, in words."""
-    first = sorted((one for one in pairs if one[0] > 1e-3), key=lambda one: -one[0])
-    return list(dict.fromkeys(f"{one.kind} at {one.place}" for _, one in first[:3]))
+    """Return the limits with the highest risks, in words."""
+    probable = [(risk, limit) for risk, limit in pairs if risk > 1e-3]
+    probable.sort(key=lambda pair: -pair[0])
+    return list(dict.fromkeys(f"{limit.kind} at {limit.place}" for _, limit in probable[:3]))
 
 
 def _is_rare(count: Count, risk: float) -> bool:
-    """Tell whether the interval of confidence of the flights that break a limit ends little above what is allowed."""
+    """Return whether the confidence interval of the breaches ends little above the allowed risk."""
     return count.upper <= risk + CONFIDENCE_TOLERANCE
 
 
 def _allowance(count: Count, risk: float) -> int:
     """Return how many of the flights may break a limit; 0 where they are too few to tell."""
     most = math.floor(risk * count.of + 1e-9)
-    return next((one for one in range(most, 0, -1) if _is_rare(Count.with_interval(one, count.of), risk)), 0)
+    return next((number for number in range(most, 0, -1) if _is_rare(Count.with_interval(number, count.of), risk)), 0)
 
 
 def _prices(run: RunState) -> dict[str, float]:
-    """Return what margins cost, s per unit, by key."""
+    """Return the shadow prices of the limits, s per unit, by key."""
     inputs = run.inputs
-    limits = {one.key: one for one in course_limits(inputs.race) if math.isfinite(one.value)}
-    found: dict[str, float] = {}
-    for one in sensitivities(limits.values(), inputs.race, inputs.settings, run.stages[-1].result):
-        price = one.upward if limits[one.key].relaxing_step < 0.0 else -one.downward
-        found[one.key] = max(price, 0.0) if math.isfinite(price) else 0.0
-    return found
+    limits = {limit.key: limit for limit in course_limits(inputs.race) if math.isfinite(limit.value)}
+    shadow_prices: dict[str, float] = {}
+    for sensitivity in sensitivities(limits.values(), inputs.race, inputs.settings, run.stages[-1].result):
+        price = sensitivity.upward if limits[sensitivity.key].relaxing_step < 0.0 else -sensitivity.downward
+        shadow_prices[sensitivity.key] = max(price, 0.0) if math.isfinite(price) else 0.0
+    return shadow_prices

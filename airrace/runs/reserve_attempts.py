@@ -1,4 +1,4 @@
-"""How far the search for a reserve has come, as the file of a run and whoever shows it tell."""
+"""How far the search for a reserve has come, as read from the file of a run."""
 
 from dataclasses import dataclass
 

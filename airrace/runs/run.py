@@ -74,7 +74,7 @@ class RunState:
     @property
     def results(self) -> tuple[StageResult, ...]:
         """The finished stages as the procedure left them, in their order."""
-        return tuple(stored.result for stored in self.checkpoint.stages)
+        return tuple(stage.result for stage in self.checkpoint.stages)
 
     @property
     def valid_results(self) -> tuple[StageResult, ...]:
@@ -90,7 +90,7 @@ class RunState:
     def stages(self) -> tuple[StageView, ...]:
         """The finished stages in their order; one that no longer stands or is refuted is not certified."""
         stale, attempts = self.stale, len(self.attempts)
-        return tuple(self._view(one, stale.get(one.stage, ""), attempts) for one in self.results)
+        return tuple(self._view(result, stale.get(result.stage, ""), attempts) for result in self.results)
 
     @property
     def attempts(self) -> tuple[StoredAttempt, ...]:
@@ -98,9 +98,9 @@ class RunState:
         return attempts_of(self.checkpoint, self.inputs.reserve)
 
     def _view(self, result: StageResult, stale: str, attempts: int) -> StageView:
-        confirmed = self.confirmations.get(result.stage)
-        reported = downgrade_stale(result, stale, "" if confirmed is None else confirmed.refutation)
-        return StageView(self.inputs, reported, self.checkpoint.versions, stale, confirmed, attempts)
+        confirmation = self.confirmations.get(result.stage)
+        reported = downgrade_stale(result, stale, "" if confirmation is None else confirmation.refutation)
+        return StageView(self.inputs, reported, self.checkpoint.versions, stale, confirmation, attempts)
 
     def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.
@@ -111,16 +111,16 @@ class RunState:
         stages = {stage.name: stage for stage in self.stages}
         if not stages:
             raise UsageError("no stage of this run is finished yet")
-        wanted = list(stages)[-1] if name is None else name.value if isinstance(name, Stage) else name
-        if wanted not in stages:
-            raise UsageError(f"this run has no stage {wanted!r}; it has: {', '.join(stages)}")
-        return stages[wanted]
+        stage_name = list(stages)[-1] if name is None else name.value if isinstance(name, Stage) else name
+        if stage_name not in stages:
+            raise UsageError(f"this run has no stage {stage_name!r}; it has: {', '.join(stages)}")
+        return stages[stage_name]
 
     def __getitem__(self, name: str | Stage) -> StageView:
         return self.stage(name)
 
     def __contains__(self, name: object) -> bool:
-        return any(name in (one.stage, one.stage.value) for one in self.results)
+        return any(name in (result.stage, result.stage.value) for result in self.results)
 
     def __iter__(self) -> Iterator[StageView]:
         return iter(self.stages)
@@ -204,7 +204,7 @@ class RunState:
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace optimize --json` prints."""
         summary = run_object(
-            self.name, self.valid_results, sum(one.timings.wall for one in self.results), certified=self.certified
+            self.name, self.valid_results, sum(result.timings.wall for result in self.results), certified=self.certified
         )
         return summary | {"stages": stages_object(self, self.valid_results)}
 
@@ -217,7 +217,7 @@ class RunState:
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that notebooks complete within the brackets of `run[...]`."""
-        return [one.stage.value for one in self.results]
+        return [result.stage.value for result in self.results]
 
 
 def compare_stages(
@@ -277,10 +277,10 @@ def run_of_checkpoint(checkpoint: Checkpoint, path: Path | None) -> RunState:
     Raises:
         InputError: this version of airrace no longer accepts them.
     """
-    stored = checkpoint.inputs
-    inputs = inputs_from_documents(*stored_documents(stored), stored.overrides)
+    texts = checkpoint.inputs
+    inputs = inputs_from_documents(*stored_documents(texts), texts.overrides)
     # Stages link to the configuration they were computed from; new ones to the one understood now.
-    current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
+    current = replace(checkpoint, inputs=replace(texts, resolved=resolved_text(inputs)))
     return RunState(inputs, current, path)
 
 
@@ -298,7 +298,7 @@ def adopt_checkpoint(run: RunState) -> RunState:
     if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
         return run
     stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
-    stages = tuple(stored for stored in earlier.stages if stored.result.stage not in stale)
+    stages = tuple(stage for stage in earlier.stages if stage.result.stage not in stale)
     return replace(run, checkpoint=replace(run.checkpoint, stages=stages, attempts=earlier.attempts))
 
 

@@ -85,10 +85,10 @@ class SafetyCase:
     @property
     def remarks(self) -> list[str]:
         """Sentences that belong to the numbers."""
-        found = [one for one in (self.uncertified, self.result.note) if one]
+        remarks = [remark for remark in (self.uncertified, self.result.note) if remark]
         if self.no_crowd:
-            found.append("the course names no crowd: distances from people were not looked at")
-        return found
+            remarks.append("the course names no crowd: distances from people were not looked at")
+        return remarks
 
     def counts_table(self) -> Table:
         """Return how many flights broke what."""
@@ -193,28 +193,32 @@ def fly_safety_case(
         delay: of the pilot, s.
 
     Raises:
-        UsageError: an argument says nothing sensible, or the stage is none that could be simulated.
+        UsageError: an argument is out of range, or the stage is none that could be simulated.
     """
     if seed < 0:
-        raise UsageError(f"a seed of {seed} makes no sense: it must be 0 or larger")
+        raise UsageError(f"a seed of {seed} is out of range: it must be 0 or larger")
     scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
-    found = fly_closed_loop(race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads)
+    closed_loop = fly_closed_loop(
+        race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads
+    )
     (_, why) = verdict([result])
     uncertified = f"the optimum is not certified: {why}" if why else ""
-    return SafetyCase(label, result.stage.value, found, uncertified, no_crowd=not race.course.crowd)
+    return SafetyCase(label, result.stage.value, closed_loop, uncertified, no_crowd=not race.course.crowd)
 
 
 def scatter_of(gusts: str, errors: tuple[float, float, float, float, float]) -> Scatter:
     """Return the disturbances; see `fly_safety_case`.
 
     Raises:
-        UsageError: there are no such gusts, or an error makes no sense.
+        UsageError: there are no such gusts, or an error is out of range.
     """
     if gusts not in list(Gusts):
         raise UsageError(f"there are no gusts {gusts!r}; known are {', '.join(Gusts)}")
-    for one, (what, unit, most) in zip(errors, _ERRORS, strict=True):
-        if not 0.0 <= one <= most:
-            raise UsageError(f"an error of {one:g}{unit} in the {what} makes no sense: it must be 0 to {most:g}{unit}")
+    for error, (what, unit, most) in zip(errors, _ERRORS, strict=True):
+        if not 0.0 <= error <= most:
+            raise UsageError(
+                f"an error of {error:g}{unit} in the {what} is out of range: it must be 0 to {most:g}{unit}"
+            )
     wind, mass, power, density, timing = errors
     return Scatter(Gusts(gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
 
@@ -258,17 +262,17 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
         row: list[Value] = [stretch.name]
         for name in quantities:
             deviation, factor = stretch.deviations[name], _UNITS[name][1]
-            row += [factor * one for one in deviation.quantiles]
+            row += [factor * quantile for quantile in deviation.quantiles]
             row.append(factor * deviation.mean)
             if at_gates:
                 row.append(factor * deviation.linear)
         row += [100.0 * stretch.breaches[kind].share if kind in stretch.breaches else 0.0 for kind in kinds]
         rows.append(row)
     notes = ["right: flights that break a tolerance there; near: the wing tip too near to a pylon"] if kinds else []
-    known = [one.quantiles[-1] for stretch in stretches for one in stretch.deviations.values()]
-    if not all(map(math.isfinite, known)):
-        needed = ", ".join(f"{100 * share:g} % of {fewest(share)}" for share in SHARES)
-        notes.append(f"-: too few flights came so far; needed are for {needed} or more")
+    quantiles = [deviation.quantiles[-1] for stretch in stretches for deviation in stretch.deviations.values()]
+    if not all(map(math.isfinite, quantiles)):
+        flights_needed = ", ".join(f"{100 * share:g} % of {fewest(share)}" for share in SHARES)
+        notes.append(f"-: too few flights came so far; needed are for {flights_needed} or more")
     place = "" if at_gates else ", at the worst place of every leg"
     title = f"95 % and 99.7 % of the flights deviate from the optimum by no more than this{place}"
     return Table(title, columns, rows, notes)

@@ -96,13 +96,13 @@ def safety_document(
     flight = view.flight(case.label)
     footprint = footprint_of(flight.race, [Track.from_flight(flight)])
     certificate, notes = view.certificate, [view.message] if view.message else []
-    unseen, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
+    omissions, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
     content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
     digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
     return document_page(
         f"Safety case: {flight.course.name}",
         [
-            *_first_page(run, view, case, flight, footprint, unseen),
+            *_first_page(run, view, case, flight, footprint, omissions),
             signature_block(sign_for),
             _map("Envelope", envelope_figure(case.result, flight)),
             _map("What falls where", footprint_figure(footprint, flight)),
@@ -115,11 +115,11 @@ def safety_document(
             if certificate
             else "",
             chapter("Pilot and disturbances", table_block(_assumptions(case.result))),
-            chapter("What was not considered", list_block([*unseen, *NOT_CONSIDERED])),
+            chapter("What was not considered", list_block([*omissions, *NOT_CONSIDERED])),
             chapter("Inputs", *_inputs(run, digest if content else "")),
             chapter(
                 "Files as they were read",
-                *(f"<h3>{what}</h3><pre>{escape_html(one.text)}</pre>" for what, one in documents),
+                *(f"<h3>{what}</h3><pre>{escape_html(document.text)}</pre>" for what, document in documents),
             ),
         ],
         mark=f"run {digest[:16]}",
@@ -127,7 +127,7 @@ def safety_document(
 
 
 def _first_page(
-    run: RunState, view: StageView, case: SafetyCase, flight: Flight, footprint: Footprint, unseen: Sequence[str]
+    run: RunState, view: StageView, case: SafetyCase, flight: Flight, footprint: Footprint, omissions: Sequence[str]
 ) -> Iterator[str]:
     """Yield what is on the first page: what it is about, what has to be known first, and the results in short."""
     yield f'<p class="kicker">Safety case</p><h1>{escape_html(flight.course.name)}</h1>'
@@ -144,12 +144,11 @@ def _first_page(
             ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
         ]
     )
-    first = [*filter(None, (case.uncertified, case.result.note)), *unseen]
-    first += [
-        f"The optimum itself passes {one.clearance.name} at {one.clearance.distance:.2f} m, {one.where}"
-        for one in near_misses(flight)
-    ]
-    first += [f"Sustained load: {one.text}" for one in sustained_loads(flight)]
+    first = [*filter(None, (case.uncertified, case.result.note)), *omissions]
+    for near_miss in near_misses(flight):
+        distance = f"{near_miss.clearance.name} at {near_miss.clearance.distance:.2f} m"
+        first.append(f"The optimum itself passes {distance}, {near_miss.where}")
+    first += [f"Sustained load: {load.text}" for load in sustained_loads(flight)]
     yield known_block("To be known first", first)
     yield table_block(replace(_in_short(case, flight, footprint), title="In short"))
     yield (
@@ -174,10 +173,11 @@ def _in_short(case: SafetyCase, flight: Flight, footprint: Footprint) -> Table:
     ]
     if flight.course.crowd:
         rows.insert(2, ("too near to the crowd", share(result.counts["crowd"])))
-        least = min((one for one in least_distances(flight) if one.kind == "crowd"), key=lambda one: one.margin)
+        crowd_clearances = [clearance for clearance in least_distances(flight) if clearance.kind == "crowd"]
+        least = min(crowd_clearances, key=lambda clearance: clearance.margin)
         text = f"{least.distance:.1f} m from {least.name}, required {least.required:g} m"
         rows.append(("least distance of the optimum from people", text))
-        worst = min(footprint.crowds, key=lambda one: (one.distance, -one.overlap))
+        worst = min(footprint.crowds, key=lambda crowd: (crowd.distance, -crowd.overlap))
         hit = f"{worst.distance:.0f} m" if worst.distance else f"onto them, {worst.overlap:.0f} m2"
         rows.append(("nearest impact of a fall to people", f"{hit}, {worst.crowd.name}"))
     return Table("", (Column("what"), Column("how many, how near")), rows)
@@ -205,7 +205,7 @@ def _distances(flight: Flight) -> Iterator[str]:
     course = flight.course
     kinds = (course.crowd, course.safety_lines, course.obstacles, course.airspace)
     missing = [
-        name for name, one in zip(("crowd", "safety line", "obstacle", "airspace"), kinds, strict=True) if not one
+        name for name, count in zip(("crowd", "safety line", "obstacle", "airspace"), kinds, strict=True) if not count
     ]
     yield f'<p class="note">The course names no {", no ".join(missing)}.</p>' if missing else ""
 
@@ -260,18 +260,21 @@ def _assumptions(result: SafetyResult) -> Table:
 
 def _inputs(run: RunState, digest: str) -> Iterator[str]:
     """Yield what went in: files with their hashes, versions, sources, and the numbers of rules, air and aircraft."""
-    stored = run.checkpoint.inputs
+    stored_inputs = run.checkpoint.inputs
     files = [(f"run {run.label}", digest)] if digest else []
-    for what, one in _documents(run):
-        files.append((f"{what} {Path(one.path).name}", hashlib.sha256(one.text.encode()).hexdigest()))
-    files.append(("resolved configuration", inputs_hash(stored.resolved)))
+    for what, document in _documents(run):
+        files.append((f"{what} {Path(document.path).name}", hashlib.sha256(document.text.encode()).hexdigest()))
+    files.append(("resolved configuration", inputs_hash(stored_inputs.resolved)))
     columns = (Column("what"), Column("SHA-256"))
     yield table_block(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
     versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
     yield facts_block(
         [
             ("set by hand", ", ".join(run.inputs.overrides) or "nothing"),
-            *((what, ", ".join(f"{name} {one}" for name, one in known.items())) for what, known in versions.items()),
+            *(
+                (what, ", ".join(f"{name} {version}" for name, version in packages.items()))
+                for what, packages in versions.items()
+            ),
         ]
     )
     yield table_block(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources_of(run.inputs)))
@@ -282,14 +285,14 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
         return
     rules = ("rules", "gate_defaults", "margins", "environment")
     for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
-        rows = [(one.key, one.value, one.unit) for one in numbers if one.key.partition(".")[0] in groups]
+        rows = [(number.key, number.value, number.unit) for number in numbers if number.key.partition(".")[0] in groups]
         yield table_block(Table(title, _NUMBER_COLUMNS, rows), columns=True)
 
 
 def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:
-    stored = run.checkpoint.inputs
-    known = {"track": stored.track, "aircraft": stored.aircraft, "settings": stored.settings}
-    return [(what, one) for what, one in known.items() if one is not None]
+    stored_inputs = run.checkpoint.inputs
+    documents = {"track": stored_inputs.track, "aircraft": stored_inputs.aircraft, "settings": stored_inputs.settings}
+    return [(what, document) for what, document in documents.items() if document is not None]
 
 
 def ensure_safety_file(path: Path, flights: int, runs: int) -> None:
@@ -309,9 +312,9 @@ def ensure_safety_file(path: Path, flights: int, runs: int) -> None:
         return
     if runs > 1:
         raise UsageError(f"{path}: a document and an envelope are of one run; {runs} runs are given")
-    needed = fewest(ENVELOPE[1])
-    if flights < needed:
-        raise UsageError(f"{path}: an envelope needs {needed} flights or more, not {flights}")
+    flights_needed = fewest(ENVELOPE[1])
+    if flights < flights_needed:
+        raise UsageError(f"{path}: an envelope needs {flights_needed} flights or more, not {flights}")
     ensure_drawable(Path("figure.svg"))
     if suffix == ".pdf":
         browser_path()
@@ -327,8 +330,8 @@ def fly_into_file(run: RunState, view: StageView, path: Path | None, options: Ma
     """
     if path is not None:
         ensure_safety_file(path, options.get("flights", 1000), 1)
-    named: dict[str, Any] = {"label": run.label, **options}  # Any: of many types
-    case = view.safety(**named)
+    keywords: dict[str, Any] = {"label": run.label, **options}  # Any: of many types
+    case = view.safety(**keywords)
     if path is not None:
         write_safety_file(path, case, (run, view, case))
     return case

@@ -90,11 +90,11 @@ class SafetyRuns:
     @property
     def messages(self) -> tuple[str, ...]:
         """The runs without flights, and those whose optimum is not certified."""
-        found: list[str] = []
+        findings: list[str] = []
         for name, case in self.cases.items():
             messages = case.messages if isinstance(case, SafetyRose) else [_uncertain_text(case)]
-            found += [f"{name}: {why}" for why in messages if why]
-        return tuple(found)
+            findings += [f"{name}: {why}" for why in messages if why]
+        return tuple(findings)
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace safety --json` prints of several runs."""
@@ -113,12 +113,12 @@ def _outcome(case: SafetyCase | str) -> list[Value]:
         return [*[None] * (len(OUTCOME) - 1), case]
     result = case.result
     name, (worst, _) = max(
-        result.pylons.items(), key=lambda one: one[1][0].flights, default=("-", (Count.with_interval(0, 1), 0.0))
+        result.pylons.items(), key=lambda item: item[1][0].flights, default=("-", (Count.with_interval(0, 1), 0.0))
     )
     name, contact = name if worst.flights else "-", result.contact
-    remark = "; ".join(one for one in (case.uncertified, result.note) if one)
+    remark = "; ".join(text for text in (case.uncertified, result.note) if text)
     shares = (contact.share, contact.lower, contact.upper, result.outside.share, result.counts[LOAD].share)
-    return [result.race_time, *(100.0 * one for one in shares), name, 100.0 * worst.share, remark]
+    return [result.race_time, *(100.0 * share for share in shares), name, 100.0 * worst.share, remark]
 
 
 def fly_rose(
@@ -133,7 +133,7 @@ def fly_rose(
         options: of `StageView.safety`; any of them.
 
     Raises:
-        UsageError: it is no rose, an argument says nothing sensible, or the run is not six-dof.
+        UsageError: it is no rose, an argument is out of range, or the run is not six-dof.
     """
     rose = winds_named(winds)
 
@@ -143,8 +143,8 @@ def fly_rose(
             last = fly_again(run, ["rules.reserve=null", *values]).stages[-1]  # the margins stay
             if last.name != run.stages[-1].name or not last.result.is_flight:
                 return f"no flight was found: {last.message or last.status}"
-            named: dict[str, Any] = {**options, "label": wind.text}
-            return last.safety(**named)
+            keywords: dict[str, Any] = {**options, "label": wind.text}
+            return last.safety(**keywords)
         except (InputError, UsageError) as error:
             return str(error)
 
@@ -172,5 +172,7 @@ def fly_runs(runs: Mapping[str, R], fly: Callable[[R], SafetyCase | SafetyRose])
     cases = {name: case_of(run) for name, run in runs.items()}
     if all(isinstance(case, str) for case in cases.values()):
         whys = set(map(str, cases.values()))
-        raise UsageError(whys.pop() if len(whys) == 1 else "; ".join(f"{one}: {cases[one]}" for one in cases))
+        raise UsageError(
+            whys.pop() if len(whys) == 1 else "; ".join(f"{name}: {message}" for name, message in cases.items())
+        )
     return SafetyRuns(aircraft, cases)

@@ -63,7 +63,7 @@ class Brief(Sequence[Cue]):
     @property
     def lines(self) -> list[str]:
         """One line per cue, e.g. `6.68 s, 52 m before c1: roll right 6° -> 88°, 0.4 s`."""
-        return [f"{', '.join(filter(None, (f'{one.time:.2f} s', place_text(one))))}: {cue_text(one)}" for one in self]
+        return [f"{', '.join(filter(None, (f'{cue.time:.2f} s', place_text(cue))))}: {cue_text(cue)}" for cue in self]
 
     def table(self, units: Units = RACE, *, unicode: bool = True) -> Table:
         """Return the table that `airrace brief` prints, in ASCII where `unicode` is False."""
@@ -209,7 +209,7 @@ class Sensitivities(Mapping[str, Sensitivity]):
             UsageError: pandas is not installed.
         """
         pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
-        rows = {key: one.as_object() for key, one in self.by_key.items()}
+        rows = {key: entry.as_object() for key, entry in self.by_key.items()}
         return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
 
     def __repr__(self) -> str:
@@ -240,11 +240,11 @@ def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = No
         sensitivities,  # takes compiled functions, which no reader of runs needs
     )
 
-    known = {group.value: group for group in ParameterGroup}
-    if by is not None and by not in known:
-        raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
+    groups = {group.value: group for group in ParameterGroup}
+    if by is not None and by not in groups:
+        raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(groups)}")
     parameters = Variation(inputs).parameters.values()
     if by is not None:
-        parameters = [parameter for parameter in parameters if parameter.group is known[by]]
+        parameters = [parameter for parameter in parameters if parameter.group is groups[by]]
     prices = sensitivities(parameters, inputs.race, inputs.settings, result)
     return Sensitivities({price.key: price for price in sorted(prices, key=lambda price: (-price.weight, price.key))})

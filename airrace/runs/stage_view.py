@@ -61,11 +61,11 @@ def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
 
 def stage_page(race: Race, result: StageResult) -> str:
     """Return one stage as HTML: its gate splits, its flight from above, and its certificate."""
-    certificate, measured = result.certificate, ""
+    certificate, items_html = result.certificate, ""
     if certificate is not None:
-        measured = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
+        items_html = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
     line = escape_html(run_line(race.course.name, [result]))
-    return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{measured}</div>"
+    return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{items_html}</div>"
 
 
 def _flight_html(race: Race, result: StageResult) -> str:
@@ -207,8 +207,8 @@ class StageView:
         source = self._source(label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}")
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             flight = with_distances(flight_of(self.inputs.race, self.result, source))
-        for name, one in flight.histories.items():
-            if np.isinf(one.values).any():
+        for name, history in flight.histories.items():
+            if np.isinf(history.values).any():
                 raise CheckpointError(f"{self.name}: its histories are of no flight: {name} becomes infinite")
         return flight
 
@@ -343,7 +343,7 @@ class StageView:
             label: what people call the flight; None for the track's name and the stage.
 
         Raises:
-            UsageError: the stage is not six-dof or found no flight, or an argument says nothing sensible.
+            UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
         """
         from airrace.runs.safety_case import fly_safety_case  # takes what flies, likewise
 
@@ -370,7 +370,7 @@ class StageView:
 
     @property
     def _derived(self) -> Derived:
-        race, states = self.inputs.race, [one.name for one in self.result.trajectory.states]
+        race, states = self.inputs.race, [quantity.name for quantity in self.result.trajectory.states]
         return {
             **stored_stages.derived_quantities(race, self.result),
             **table_columns(race, states),

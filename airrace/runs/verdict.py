@@ -87,5 +87,5 @@ def run_line(name: str, results: Sequence[StageResult]) -> str:
         return f"{name}: no stage is finished yet"
     last = results[-1]
     race_time = f"{last.trajectory.race_time:.3f} s" if last.has_race_time else last.status.value
-    solved = "solved on one mesh, " if last.status is Status.SOLVED else ""
-    return f"{name}: {last.stage.value}, {race_time}, {solved}{'' if is_certified(results) else 'not '}certified"
+    prefix = "solved on one mesh, " if last.status is Status.SOLVED else ""
+    return f"{name}: {last.stage.value}, {race_time}, {prefix}{'' if is_certified(results) else 'not '}certified"

@@ -1,7 +1,7 @@
 """The verification of a run or an imported log: all that its file tells, measured again or held against measurements.
 
 Timings, solver attempts, messages and the log of the search cannot be measured again: they are only checked for
-consistency. A flight log is taken as it is, since nobody can record it again; its passings, histories and violations
+consistency. A flight log is taken as it is, since it cannot be recorded again; its passings, histories and violations
 are made of it once more.
 """
 

@@ -68,7 +68,7 @@ def test_unverifiable_numbers_are_listed_as_such(path: Path) -> None:
     verified = run("verify", path)
     assert verified.code == 0
     assert "unverified, for they cannot be measured again: messages, attempts and timings, " in verified.out
-    assert "Nobody can verify messages, attempts and timings, " in run("show", path, "--certificate").out
+    assert "Not verifiable: messages, attempts and timings, " in run("show", path, "--certificate").out
 
 
 def test_run_of_other_versions_is_verified_on_request_but_for_these(path: Path) -> None:

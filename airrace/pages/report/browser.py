@@ -44,13 +44,13 @@ def browser_path(what: str = "a PDF is printed", instead: str = "write .html and
     Raises:
         UsageError: there is none.
     """
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None:
+    browser = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if browser is None:
         raise UsageError(
             f"{what} by Chromium, which is not found on the path (chromium, google-chrome, msedge): install it"
             + f", or {instead}" * bool(instead)
         )
-    return found
+    return browser
 
 
 def switches(folder: Path) -> list[str]:
@@ -149,18 +149,18 @@ def page_in_browser(page: str, what: str, drawn_by: tuple[str, ...]) -> Generato
         answers, their_answers = _pipe()
         environment = {**os.environ, "TMPDIR": name}  # where it leaves folders of its own when it is killed
         nowhere = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in (0, 1, 2)]
-        given = [(os.POSIX_SPAWN_DUP2, theirs, 3), (os.POSIX_SPAWN_DUP2, their_answers, 4)]
+        file_actions = [(os.POSIX_SPAWN_DUP2, theirs, 3), (os.POSIX_SPAWN_DUP2, their_answers, 4)]
         try:
-            process = os.posix_spawn(browser, command, environment, file_actions=[*nowhere, *given], setpgroup=0)
+            process = os.posix_spawn(browser, command, environment, file_actions=[*nowhere, *file_actions], setpgroup=0)
         except OSError as error:
             raise StorageError(f"{browser} does not start: {error.strerror}") from error
         finally:
             os.close(theirs)
             os.close(their_answers)
         try:
-            opened = Page(requests, answers)
-            opened.open(html.as_uri())
-            yield opened
+            browser_page = Page(requests, answers)
+            browser_page.open(html.as_uri())
+            yield browser_page
         finally:
             os.close(requests)
             os.close(answers)
@@ -197,9 +197,11 @@ def print_pdf(page: str) -> bytes:
         try:
             environment = {**os.environ, "TMPDIR": name}  # where it leaves folders of its own when it is killed
             ran = subprocess.run(command, capture_output=True, timeout=PRINTING, check=False, env=environment)
-            said = ran.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            lines = ran.stderr.decode(errors="replace").strip().splitlines()[-1:]
         except (OSError, subprocess.TimeoutExpired) as error:
-            said = [str(error)]
+            lines = [str(error)]
         if not pdf.exists():
-            raise StorageError(f"{browser} did not print ({' '.join(said)}); write .html and print that from a browser")
+            raise StorageError(
+                f"{browser} did not print ({' '.join(lines)}); write .html and print that from a browser"
+            )
         return pdf.read_bytes()

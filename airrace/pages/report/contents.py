@@ -152,22 +152,25 @@ def contents_of(
         map_: the race of the first from above.
         envelope: closed-loop flights along the first; None for none.
     """
-    flights = [with_nearest(one, NEAR) for one in flights]
+    flights = [with_nearest(flight, NEAR) for flight in flights]
     first = flights[0]
+    flight_objects = [
+        {**_flight(flight, label), "envelope": None}
+        for flight, label in zip(flights, short_labels(flights), strict=True)
+    ]
+    if envelope:
+        flight_objects[0]["envelope"] = _envelope(envelope, first)
+    histories = {name for flight in flights for name in flight.histories}
+    strips = [strip for strip in STRIPS if any(name in histories for name, _ in strip.lines)]
     return {
         "format": FORMAT,
         "course": _course(map_, first),
-        "flights": [
-            {**_flight(one, label), "envelope": _envelope(envelope, first) if one is first and envelope else None}
-            for one, label in zip(flights, short_labels(flights), strict=True)
-        ],
-        "strips": [
-            _strip(one, first) for one in STRIPS if any(name in flight for flight in flights for name, _ in one.lines)
-        ],
-        "colours": [one for one in COLOURS if one["history"] in first],
+        "flights": flight_objects,
+        "strips": [_strip(strip, first) for strip in strips],
+        "colours": [colour for colour in COLOURS if colour["history"] in first],
         "differences": [
-            {"flight": number, "time": pack(time), "difference": pack(lost)}
-            for number, (time, lost) in enumerate(map(time_lost, comparisons), start=1)
+            {"flight": number, "time": pack(time), "difference": pack(loss)}
+            for number, (time, loss) in enumerate(map(time_lost, comparisons), start=1)
         ],
     }
 
@@ -196,8 +199,8 @@ def pack(values: Array) -> str:
 
 def clock_start(flight: Flight) -> float:
     """Return when the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
-    found = flight.crossings and flight.crossings[0].found
-    return flight.crossings[0].time if found else float(flight.time[0])
+    starts = flight.crossings and flight.crossings[0].found
+    return flight.crossings[0].time if starts else float(flight.time[0])
 
 
 def short_labels(flights: Sequence[Flight]) -> list[str]:
@@ -210,9 +213,9 @@ def time_lost(comparison: Comparison) -> tuple[Array, Array]:
     """Return when the reference was at places along the course, and what the other had lost there, s, (n,) each."""
     reference = comparison.reference
     times = [np.array([reference.crossings[0].time]), *(_times(reference, leg.reference) for leg in comparison.legs)]
-    time, lost = np.concatenate(times), comparison.progress.difference
-    known = np.isfinite(time)
-    return time[known] - clock_start(reference), lost[known]
+    time, loss = np.concatenate(times), comparison.progress.difference
+    is_finite = np.isfinite(time)
+    return time[is_finite] - clock_start(reference), loss[is_finite]
 
 
 def _times(flight: Flight, leg: Leg) -> Array:
@@ -233,9 +236,9 @@ def _flight(flight: Flight, label: str) -> dict[str, object]:
         "aircraft": {"name": flight.aircraft.name, "span": flight.aircraft.airframe.b},
         "race_time": flight.race_time if math.isfinite(flight.race_time) else None,
         "passings": [
-            {"name": one.passage.element.name, "lap": one.lap, "time": one.time - begin}
-            for one in flight.crossings
-            if one.found
+            {"name": crossing.passage.element.name, "lap": crossing.lap, "time": crossing.time - begin}
+            for crossing in flight.crossings
+            if crossing.found
         ],
         "time": pack(flight.time - begin),
         "histories": {name: pack(values) for name, values in histories.items()},
@@ -264,18 +267,20 @@ def _strip(strip: Strip, flight: Flight) -> dict[str, object]:
 def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
     """Return the course; what stands nowhere is where the flight passed it first."""
     passed: dict[str, tuple[float, float, float]] = {}
-    for one in flight.crossings:
-        if one.found:
-            passed.setdefault(one.passage.element.name, (one.value("x"), one.value("y"), one.value("height")))
+    for crossing in flight.crossings:
+        if crossing.found:
+            passed.setdefault(
+                crossing.passage.element.name, (crossing.value("x"), crossing.value("y"), crossing.value("height"))
+            )
     labels = {mark.element.name: mark.label for mark in map_.marks}
     elements = {passage.element.name: passage.element for passage in map_.race.course.passages}
     origin = map_.race.course.origin
     beyond = 0.15 * max(map_.north - map_.south, map_.east - map_.west)  # a safety line has no ends
     return {
         "elements": [
-            {"name": name, "label": labels.get(name, name), **_element(one, place)}
-            for name, one in elements.items()
-            if (place := one.position or passed.get(name)) is not None
+            {"name": name, "label": labels.get(name, name), **_element(element, place)}
+            for name, element in elements.items()
+            if (place := element.position or passed.get(name)) is not None
         ],
         "crowd": [
             {
@@ -288,17 +293,17 @@ def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
             for crowd in map_.crowd
         ],
         "obstacles": [
-            {"name": one.name, "corners": outline[:-1].tolist(), "height": one.height}
-            for one, outline in map_.obstacles
+            {"name": obstacle.name, "corners": outline[:-1].tolist(), "height": obstacle.height}
+            for obstacle, outline in map_.obstacles
         ],
         "lines": [
             {
-                "name": one.line.name,
-                "start": (one.ends[0] - beyond * one.along).tolist(),
-                "end": (one.ends[1] + beyond * one.along).tolist(),
-                "keep_right": one.line.keep_right,
+                "name": line.line.name,
+                "start": (line.ends[0] - beyond * line.along).tolist(),
+                "end": (line.ends[1] + beyond * line.along).tolist(),
+                "keep_right": line.line.keep_right,
             }
-            for one in map_.lines
+            for line in map_.lines
         ],
         "airspace": [] if map_.airspace is None else map_.airspace[:-1].tolist(),
         "latitude": origin.latitude,

@@ -33,7 +33,7 @@ def document_page(title: str, parts: Iterable[str], mark: str) -> str:
         parts: HTML, in order; empty ones are left out.
         mark: stands below every page, to tell which document it belongs to; letters, digits and spaces.
     """
-    if not all(one.isalnum() or one == " " for one in mark):
+    if not all(letter.isalnum() or letter == " " for letter in mark):
         raise ValueError(f"{mark!r} would have to be escaped in CSS")
     style = string.Template((FOLDER / "style" / "document.css").read_text(encoding="utf-8")).substitute(mark=mark)
     return _PAGE.format(title=escape_html(title), style=style, body="\n".join(filter(None, parts)))
@@ -67,7 +67,7 @@ def facts_block(pairs: Sequence[tuple[str, str]]) -> str:
 def list_block(texts: Iterable[str]) -> str:
     """Return clauses as sentences, one below the other."""
     sentences = (f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}" for text in texts)
-    return f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in sentences)}</ul>"
+    return f"<ul>{''.join(f'<li>{escape_html(sentence)}</li>' for sentence in sentences)}</ul>"
 
 
 def figure_block(address: str, words: str) -> str:

@@ -75,12 +75,12 @@ def flight_page(
         UsageError: a flight is of a course with other passings.
     """
     first = flights[0]
-    comparisons = [compare_flights(first, other) for other in flights[1:]]
-    losses = [comparison_section(one) for one in comparisons]
+    comparisons = [compare_flights(first, flight) for flight in flights[1:]]
+    losses = [comparison_section(comparison) for comparison in comparisons]
     facts = [flights_section(flights), legs_section(first), distances_section(first), cues_section(first)]
     map_ = map_model(first.race)
-    lost = [loss_section(one, map_) for one in comparisons]
-    sections = [*lost, *facts, *losses, *sections]
+    loss_sections = [loss_section(comparison, map_) for comparison in comparisons]
+    sections = [*loss_sections, *facts, *losses, *sections]
     track = np.stack([first["x"], first["y"]], axis=1)
     style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
     script = page_script()
@@ -179,19 +179,19 @@ def legs_section(flight: Flight) -> str:
     )
     begin = clock_start(flight)
     rows: list[tuple[Cell | str | float | None, ...]] = []
-    for one in leg_facts(flight):
-        leg, nearest = one.leg, one.clearances[0] if one.clearances else None
+    for facts in leg_facts(flight):
+        leg, nearest = facts.leg, facts.clearances[0] if facts.clearances else None
         rows.append(
             (
                 Cell(leg.name, time=leg.before.time - begin if leg.before.found else None),
                 leg.after.time - begin,
                 leg.time,
-                _range(one.V_I, KNOT, 0),
-                _range(one.V_K, KNOT, 0),
-                _range(one.n_z, 1.0, 1),
-                _range(one.height, 1.0, 0),
-                math.degrees(one.roll_rate),
-                one.energy_out,
+                _range(facts.V_I, KNOT, 0),
+                _range(facts.V_K, KNOT, 0),
+                _range(facts.n_z, 1.0, 1),
+                _range(facts.height, 1.0, 0),
+                math.degrees(facts.roll_rate),
+                facts.energy_out,
                 *((None, None, "") if nearest is None else (nearest.distance, nearest.required, nearest.text)),
             )
         )
@@ -199,11 +199,12 @@ def legs_section(flight: Flight) -> str:
     if len(laps := laps_of(flight)) > 1:
         notes.append(f"Laps: {', '.join(f'{lap.number} in {number(lap.time, 3)} s' for lap in laps)}.")
     misses = [
-        f"{one.clearance.name} ({number(one.clearance.distance, 2)} m, {one.where})" for one in near_misses(flight)
+        f"{near_miss.clearance.name} ({number(near_miss.clearance.distance, 2)} m, {near_miss.where})"
+        for near_miss in near_misses(flight)
     ]
     if misses:
         notes.append(f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}.")
-    notes += [f"Warning: {one.text}." for one in sustained_loads(flight)]
+    notes += [f"Warning: {load.text}." for load in sustained_loads(flight)]
     return table_section(Table("Legs", columns, rows, notes, by_leg=True))
 
 
@@ -230,15 +231,15 @@ def _range(values: Range, unit: float, digits: int) -> str:
 
 def loss_section(comparison: Comparison, map_: MapModel) -> str:
     """Return in words what costs the slower of two flights most, and its track in the colours of the time lost."""
-    lost = time_loss(comparison)
-    reference, other = lost.comparison.reference, lost.comparison.other
-    coloured = by_loss(lost.comparison)
-    lines = [np.stack([one["x"], one["y"]], axis=1) for one in (other, reference)]
+    loss = time_loss(comparison)
+    reference, other = loss.comparison.reference, loss.comparison.other
+    coloured = by_loss(loss.comparison)
+    lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in (other, reference)]
     plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
-    words = "".join(f"<li>{escape_html(one.text)}</li>" for one in lost.costliest)
-    listed = f"<p>{escape_html(capitalise(lost.title))}:</p><ol>{words}</ol>" if words else ""
+    words = "".join(f"<li>{escape_html(leg_loss.text)}</li>" for leg_loss in loss.costliest)
+    loss_list = f"<p>{escape_html(capitalise(loss.title))}:</p><ol>{words}</ol>" if words else ""
     legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
-    return section(f"Where the time of {other.label} went", f'{listed}<div class="scroll">{plan}</div>{legend}')
+    return section(f"Where the time of {other.label} went", f'{loss_list}<div class="scroll">{plan}</div>{legend}')
 
 
 def comparison_section(comparison: Comparison) -> str:
@@ -246,7 +247,10 @@ def comparison_section(comparison: Comparison) -> str:
     reference, other = comparison.reference, comparison.other
     notes = [
         f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
-        *(f"{capitalise(what)}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
+        *(
+            f"{capitalise(what)}: {value} against {reference_value}."
+            for what, reference_value, value in conditions(reference, other)
+        ),
     ]
     title = f"Where {other.label} loses and wins"
     return table_section(lost_table(comparison.by_loss, title, begin=clock_start(reference), notes=notes))

@@ -53,7 +53,7 @@ def join_modules(main: Path) -> str:
     def add(path: Path, above: tuple[Path, ...] = ()) -> str:
         """Put a module behind all that it imports; return the expression that holds its exports."""
         if path in above:
-            raise ValueError(f"{path.name} imports itself by way of {', '.join(one.name for one in above)}")
+            raise ValueError(f"{path.name} imports itself by way of {', '.join(importer.name for importer in above)}")
         if path not in modules:
 
             def load(name: str) -> str:
@@ -74,17 +74,17 @@ def _as_function(path: Path, load: Callable[[str], str]) -> str:
     text = path.read_text(encoding="utf-8")
     exports: list[str] = [*GLOBALS.get(path, ())]
 
-    def import_names(found: re.Match[str]) -> str:
-        pairs = (name if name == own else f"{name}: {own}" for name, own in _names(found[1]))
-        return f"const {{{', '.join(pairs)}}} = {load(found[2])};"
+    def import_names(match: re.Match[str]) -> str:
+        pairs = (name if name == own else f"{name}: {own}" for name, own in _names(match[1]))
+        return f"const {{{', '.join(pairs)}}} = {load(match[2])};"
 
-    def pass_on(found: re.Match[str]) -> str:
-        module = load(found[2])
-        exports.extend(f"{name}: {module}.{own}" for own, name in _names(found[1]))
+    def pass_on(match: re.Match[str]) -> str:
+        module = load(match[2])
+        exports.extend(f"{name}: {module}.{own}" for own, name in _names(match[1]))
         return ";"
 
-    def export_list(found: re.Match[str]) -> str:
-        exports.extend(own if name == own else f"{name}: {own}" for own, name in _names(found[1]))
+    def export_list(match: re.Match[str]) -> str:
+        exports.extend(own if name == own else f"{name}: {own}" for own, name in _names(match[1]))
         return ";"
 
     for form, by in ((_IMPORT, import_names), (_EXPORT_FROM, pass_on), (_EXPORT_LIST, export_list)):
@@ -100,4 +100,4 @@ def _as_function(path: Path, load: Callable[[str], str]) -> str:
 def _names(text: str) -> list[tuple[str, str]]:
     """Return pairs of a name and what it is called on the other side."""
     pairs = (part.strip().partition(" as ") for part in text.split(",") if part.strip())
-    return [(name.strip(), other.strip() or name.strip()) for name, _, other in pairs]
+    return [(name.strip(), alias.strip() or name.strip()) for name, _, alias in pairs]

@@ -57,11 +57,11 @@ def claim_section(claim: str, confirmation: Confirmation, stamp: Stamp) -> str:
         stamp: what the flight is.
     """
     texts = [claim or "nothing is claimed of this flight", confirmation.words, stamp.text]
-    body = "".join(f"<p>{escape_html(capitalise(one))}.</p>" for one in texts)
+    body = "".join(f"<p>{escape_html(capitalise(text))}.</p>" for text in texts)
     if claim:
-        kept = stamp.reserve is not None and stamp.reserve.reached and not stamp.reserve.source
-        limits = LIMITS_OF_CLAIM[:-1] if kept else LIMITS_OF_CLAIM  # the last one says that there is no reserve
-        body += f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in limits)}</ul>"
+        is_reached = stamp.reserve is not None and stamp.reserve.reached and not stamp.reserve.source
+        limits = LIMITS_OF_CLAIM[:-1] if is_reached else LIMITS_OF_CLAIM  # the last one says that there is no reserve
+        body += f"<ul>{''.join(f'<li>{escape_html(limit)}</li>' for limit in limits)}</ul>"
     return f'<section class="panel" id="claim"><h2>What is claimed, and what is not</h2>{body}</section>'
 
 
@@ -107,9 +107,9 @@ def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions:
     ]
     documents = [("Course", inputs.track), ("Aircraft", inputs.aircraft), ("Settings", inputs.settings_file)]
     texts = [
-        f"<details><summary>{name} file</summary><pre>{escape_html(one.text)}</pre></details>"
-        for name, one in documents
-        if one is not None
+        f"<details><summary>{name} file</summary><pre>{escape_html(document.text)}</pre></details>"
+        for name, document in documents
+        if document is not None
     ]
     return section("Inputs", _facts(pairs) + "".join(texts))
 
@@ -122,10 +122,10 @@ def violations_section(violations: Sequence[Violation], penalty: float) -> str:
         f"Penalties of what is certain: {penalty_text(penalty)}.",
         f"A violation smaller than {CERTAIN_DEVIATIONS:g} standard deviations of its measurement (+-) is not certain.",
     )
-    listed, others = select_violations(violations)
-    return table_section(violations_table(listed, "Rules", (*notes, *[f"{others}."] * bool(others))))
+    listed, rest = select_violations(violations)
+    return table_section(violations_table(listed, "Rules", (*notes, *[f"{rest}."] * bool(rest))))
 
 
 def recording_section(pairs: Sequence[tuple[str, str]], remarks: Sequence[str]) -> str:
     """Return where a flight was recorded, and what is to be known of the recording."""
-    return section("Recording", _facts(pairs) + "".join(note(f"{capitalise(one)}.") for one in remarks))
+    return section("Recording", _facts(pairs) + "".join(note(f"{capitalise(remark)}.") for remark in remarks))

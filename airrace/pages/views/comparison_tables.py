@@ -51,11 +51,11 @@ def lost_table(
     """
     rows: list[tuple[Cell | Value, ...]] = []
     for leg in legs:
-        before, name, lost = leg.reference.before, Cell(leg.name), Cell(leg.difference)
+        before, name, loss = leg.reference.before, Cell(leg.name), Cell(leg.difference)
         if begin is not None:
             name = replace(name, time=before.time - begin if before.found else None)
-            lost = replace(lost, text="a tie" if leg.tie else None)
-        times = (leg.reference.time, leg.other.time, lost, leg.tie, leg.cumulative, leg.by_way, leg.by_speed)
+            loss = replace(loss, text="a tie" if leg.tie else None)
+        times = (leg.reference.time, leg.other.time, loss, leg.tie, leg.cumulative, leg.by_way, leg.by_speed)
         differences = ("; " if begin is None else ", ").join(difference.text for difference in leg.differences)
         rows.append((name, leg.reference.lap, *times, differences))
     return Table(title, _LEGS if begin is None else _LEGS_OF_REPORT, rows, notes)

@@ -126,11 +126,18 @@ def _draw_elements(axes: Axes, map_: MapModel, frame: Box) -> None:
     for mark in map_.marks:
         drawing = mark.element.drawing()
         groups.setdefault(drawing.legend, []).append((mark, drawing))
-    ranked = sorted(groups.items(), key=lambda one: 0 if one[1][0][1].window else 1 if one[1][0][1].posts else 2)
-    for legend, group in ranked:
-        windows = [coordinates(one.window) for _, one in group if one.window]
-        reaches = [coordinates(one.reach) for _, one in group if one.reach]
-        posts = [coordinates(one.posts) for _, one in group if one.posts]
+
+    def rank(legend: str) -> int:
+        drawing = groups[legend][0][1]
+        if drawing.window:
+            return 0
+        return 1 if drawing.posts else 2
+
+    for legend in sorted(groups, key=rank):
+        group = groups[legend]
+        windows = [coordinates(mark.window) for _, mark in group if mark.window]
+        reaches = [coordinates(mark.reach) for _, mark in group if mark.reach]
+        posts = [coordinates(mark.posts) for _, mark in group if mark.posts]
         size = 3.5 if windows else 6
         marker = "o" if posts else "none"
         entry: dict[str, Any] = {"color": BLACK, "marker": marker, "markersize": size, "linestyle": "none"}
@@ -166,9 +173,9 @@ def write_labels(figure: Figure, axes: Axes, map_: MapModel, frame: Box) -> None
     for crowd in map_.crowd:
         north, east = coordinates(crowd.corners).mean(axis=0).tolist()
         labels.append((f"{crowd.name}, {crowd.distance:g} m", (east, north), RED))
-    for one, outline in map_.obstacles:
+    for obstacle, outline in map_.obstacles:
         north, east = outline[:-1].mean(axis=0).tolist()
-        labels.append((f"{one.name}, {one.height:g} m high", (east, north), GREY))
+        labels.append((f"{obstacle.name}, {obstacle.height:g} m high", (east, north), GREY))
     pixel = figure.dpi / 72.0
     to_pixels, from_pixels = axes.transData.transform, axes.transData.inverted().transform
     arrow = ARROW * max(frame.width, frame.height)
@@ -198,9 +205,11 @@ def _points(mark: Mark, arrow: float) -> Array:
 
 def _numbers(mark: Mark, map_: MapModel) -> str:
     """Return the numbers of all passings of what stands on a spot, the second half of a quad among them."""
-    here = (mark.north, mark.east)
-    marks = [one for one in map_.marks if one is mark or (not one.label and (one.north, one.east) == here)]
-    return ", ".join(str(number) for number in sorted(number for one in marks for number, _ in one.passings))
+    numbers = [number for number, _ in mark.passings]
+    for second in map_.marks:
+        if second is not mark and not second.label and (second.north, second.east) == (mark.north, mark.east):
+            numbers += [number for number, _ in second.passings]
+    return ", ".join(map(str, sorted(numbers)))
 
 
 @without_formulas

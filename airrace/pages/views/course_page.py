@@ -141,13 +141,13 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
         ],
         "obstacles": [
             {
-                "name": one.name,
-                "places": [_place(place) for place in one.places],
-                "radius_m": one.radius,
-                "height_m": one.height,
-                "clearance_m": one.clearance,
+                "name": obstacle.name,
+                "places": [_place(place) for place in obstacle.places],
+                "radius_m": obstacle.radius,
+                "height_m": obstacle.height,
+                "clearance_m": obstacle.clearance,
             }
-            for one in course.obstacles
+            for obstacle in course.obstacles
         ],
         "airspace": [_place(corner) for corner in course.airspace],
         "warnings": [

@@ -106,11 +106,11 @@ def _draw_profile(axes: Axes, flight: Flight) -> None:
     axes.set(xlabel="time, s", ylabel="height, m", xlim=(flight.time[0], flight.time[-1]))
     axes.autoscale_view(scalex=False)
     _draw_limits_and_passings(axes, flight, "height", 1.0)
-    made = [one for one in flight.crossings if one.found]
-    if len(made) <= NAMES_MAX:
+    crossings = [crossing for crossing in flight.crossings if crossing.found]
+    if len(crossings) <= NAMES_MAX:
         above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}
-        for one in made:
-            name, place = one.passage.element.name, (one.time, 1.0)
+        for crossing in crossings:
+            name, place = crossing.passage.element.name, (crossing.time, 1.0)
             axes.annotate(name, place, textcoords="offset points", fontsize=7, color=GREY, **above)
 
 
@@ -158,21 +158,21 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
     reference = comparisons[0].reference
     line = np.stack([reference["y"], reference["x"]], axis=1)
     maps = [map_model(reference.race).with_track(line[:, ::-1])]
-    for one in comparisons:
-        maps.append(maps[-1].with_track(np.stack([one.other["x"], one.other["y"]], axis=1)))
+    for comparison in comparisons:
+        maps.append(maps[-1].with_track(np.stack([comparison.other["x"], comparison.other["y"]], axis=1)))
     map_, frame = maps[-1], frame_of(maps[-1])
     height = min(MAP_WIDTH * frame.height / frame.width, 1.5 * MAP_WIDTH)
     figure = new_figure(MAP_WIDTH * len(comparisons), height + 1.2, layout="compressed")
     figure.suptitle(f"{map_.name}: time lost against {reference.label}", x=0.01, ha="left", fontsize=13)
     panels = figure.subplots(1, len(comparisons), squeeze=False)[0]
-    tracks = [by_loss(one) for one in comparisons]
-    most = max(one.greatest for one in tracks)
-    for axes, one, track in zip(panels, comparisons, tracks, strict=True):
+    tracks = [by_loss(comparison) for comparison in comparisons]
+    most = max(track.greatest for track in tracks)
+    for axes, comparison, track in zip(panels, comparisons, tracks, strict=True):
         draw_map(axes, map_, frame)
         axes.plot(*line.T, color=GREY, linewidth=1.0, linestyle="dashed", zorder=2)
         for places, colour in replace(track, least=-most, greatest=most).pieces():
             axes.plot(places[:, 1], places[:, 0], color=colour, linewidth=3.0, solid_capstyle="round", zorder=3)
-        axes.set_title(f"{one.other.label}: {one.difference:+.3f} s", loc="left", fontsize=10)
+        axes.set_title(f"{comparison.other.label}: {comparison.difference:+.3f} s", loc="left", fontsize=10)
         axes.set(xlabel="east, m", ylabel="north, m")
     scale = ScalarMappable(Normalize(-100.0 * most, 100.0 * most), ListedColormap(LOSS_COLOURS))
     figure.colorbar(scale, ax=panels.tolist(), label="time lost, s in 100 m", shrink=0.6, pad=0.01)
@@ -207,10 +207,12 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
     loss.set_ylabel("time lost\ns")
     loss.axhline(0.0, color=BLACK, linewidth=1.0, label=reference.label)
     flights = [(reference, passings, BLACK)]
-    for number, one in enumerate(comparisons):
-        colour, label = COLOURS[number % len(COLOURS)], f"{one.other.label}: {one.difference:+.3f} s"
-        loss.plot(one.progress.distance, one.progress.difference, color=colour, linewidth=1.8, label=label)
-        flights.append((one.other, one.progress.passings, colour))
+    for number, comparison in enumerate(comparisons):
+        colour, label = COLOURS[number % len(COLOURS)], f"{comparison.other.label}: {comparison.difference:+.3f} s"
+        loss.plot(
+            comparison.progress.distance, comparison.progress.difference, color=colour, linewidth=1.8, label=label
+        )
+        flights.append((comparison.other, comparison.progress.passings, colour))
     loss.legend(loc="best", fontsize=9, frameon=True, framealpha=0.85)
     for axes, (name, label, factor) in zip(strips, COMPARED, strict=True):
         axes.set_ylabel(label)

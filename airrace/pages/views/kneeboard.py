@@ -199,8 +199,8 @@ def _draw_plan(figure: Figure, axes: Axes, flight: Flight, units: Units) -> None
 def _points(map_: MapModel, flight: Flight) -> Array:
     """Return what has to be seen, east and north, m, shape (n, 2)."""
     marks = [(mark.east, mark.north) for mark in map_.marks]
-    known = np.isfinite(flight["x"]) & np.isfinite(flight["y"])
-    track = np.stack([flight["y"][known], flight["x"][known]], axis=1)
+    is_finite = np.isfinite(flight["x"]) & np.isfinite(flight["y"])
+    track = np.stack([flight["y"][is_finite], flight["x"][is_finite]], axis=1)
     return np.concatenate([track, np.array(marks).reshape(-1, 2)])
 
 
@@ -241,7 +241,7 @@ def _turned_frame(points: Array, turn: float, shape: float) -> Box:
 def _frame_around(frame: Box, turn: float) -> Box:
     """Return the rectangle, east and north, m, that a turned frame lies in."""
     across, up = (frame.left, frame.left + frame.width), (frame.bottom, frame.bottom + frame.height)
-    corners = _rotate(np.array([(one, other) for one in across for other in up]), -turn)
+    corners = _rotate(np.array([(x, y) for x in across for y in up]), -turn)
     (left, bottom), (right, top) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     return Box(left, bottom, right - left, top - bottom)
 
@@ -274,7 +274,7 @@ def _draw_keys(figure: Figure, axes: Axes, flight: Flight, line: Any, turn: floa
         for left in (edge.x0, edge.x1 - width)
         for bottom in (edge.y1 - height, edge.y0)
     ]
-    corner = min(corners, key=lambda one: one.count_inside(track))
+    corner = min(corners, key=lambda corner: corner.count_inside(track))
     across, up = figure.bbox.width, figure.bbox.height
     key = figure.add_axes((corner.left / across, corner.bottom / up, width / across, height / up), zorder=8)
     key.set(xlim=(0.0, KEY[0]), ylim=(0.0, KEY[1]), xticks=[], yticks=[])
@@ -317,9 +317,9 @@ def _number_gates(axes: Axes, flight: Flight, points: Array, taken: Sequence[Box
     sizes = [((4.9 * len(text) + 3.0) * pixel, 9.5 * pixel) for text in texts]
     anchors = axes.transData.transform(np.array([(east, north) for north, east in places]).reshape(-1, 2))
     # The key is a label that has its place already.
-    keys = [(one.left + 0.5 * one.width, one.bottom + 0.5 * one.height) for one in taken]
+    keys = [(box.left + 0.5 * box.width, box.bottom + 0.5 * box.height) for box in taken]
     hidden = np.concatenate([axes.transData.transform(points), np.repeat(np.array(keys).reshape(-1, 2), 400, axis=0)])
-    hidden = np.concatenate([hidden, *(_raster(one) for one in taken)])
+    hidden = np.concatenate([hidden, *(_raster(box) for box in taken)])
     boxes = place_labels(
         [(float(across), float(up)) for across, up in anchors],
         sizes,
@@ -344,11 +344,12 @@ def _draw_table(axes: Axes, flight: Flight, units: Units, width: float, height: 
     """Draw when and how every passing is made, and what the leg that leads to it asks for."""
     columns = table_columns(units)
     rows: list[tuple[str | float, ...]] = []
-    for number, (one, leg) in enumerate(zip(flight.crossings, (None, *leg_facts(flight)), strict=True)):
-        course, bank, climb = (math.degrees(one.value(name)) for name in ("chi", "mu", "gamma"))
-        speed, above, load = one.value("V_I") * units.per_m_s, one.value("height") * units.per_m, one.value("n_z")
+    for number, (crossing, leg) in enumerate(zip(flight.crossings, (None, *leg_facts(flight)), strict=True)):
+        course, bank, climb = (math.degrees(crossing.value(name)) for name in ("chi", "mu", "gamma"))
+        speed, above = crossing.value("V_I") * units.per_m_s, crossing.value("height") * units.per_m
+        load = crossing.value("n_z")
         most = ("", "") if leg is None else (leg.n_z.greatest, math.degrees(leg.roll_rate))
-        rows.append((number, one.name[:16], one.time, speed, course % 360.0, above, bank, climb, load, *most))
+        rows.append((number, crossing.name[:16], crossing.time, speed, course % 360.0, above, bank, climb, load, *most))
     heads, *texts = Table("", [column for _, column in columns], rows).texts()
     if len(texts) > ROWS_MAX:
         texts = [*texts[: ROWS_MAX - 2], ["", "...", *[""] * (len(columns) - 2)], texts[-1]]

@@ -129,7 +129,7 @@ class MapModel:
     @property
     def obstacles(self) -> list[tuple[Obstacle, Array]]:
         """The obstacles with their outlines, closed, shape (n, 2), m; that of a mast is drawn larger than it is."""
-        return [(one, _outline(one)) for one in self.race.course.obstacles]
+        return [(obstacle, _outline(obstacle)) for obstacle in self.race.course.obstacles]
 
     @property
     def wind(self) -> StaticWind | None:
@@ -165,15 +165,15 @@ def map_model(race: Race, planned: Flight | None = None) -> MapModel:
     ways = _straight_ways(course) if long else _planned_ways(planned_flight(race) if planned is None else planned)
     lines = tuple(_line(course, line) for line in course.safety_lines)
     airspace = coordinates((*course.airspace, course.airspace[0])) if course.airspace else None
-    beside = [*(line.ends for line in lines), *(coordinates(one.corners) for one in course.crowd)]
-    beside += [_outline(one) for one in course.obstacles]
+    beside = [*(line.ends for line in lines), *(coordinates(crowd.corners) for crowd in course.crowd)]
+    beside += [_outline(obstacle) for obstacle in course.obstacles]
     frame = _frame(marks, ways, beside if airspace is None else [*beside, airspace])
     return MapModel(race, marks, ways, lines, airspace, *frame)
 
 
 def _outline(obstacle: Obstacle) -> Array:
-    seen = obstacle if len(obstacle.outline) > 1 else replace(obstacle, radius=MAST)
-    return coordinates((*seen.outline, seen.outline[0]))
+    drawn_obstacle = obstacle if len(obstacle.outline) > 1 else replace(obstacle, radius=MAST)
+    return coordinates((*drawn_obstacle.outline, drawn_obstacle.outline[0]))
 
 
 def _line(course: Course, line: SafetyLine) -> MapLine:
@@ -181,8 +181,11 @@ def _line(course: Course, line: SafetyLine) -> MapLine:
     along = ends[1] - ends[0]
     along = along / np.hypot(*along)
     right = np.array([-along[1], along[0]])
-    legs = (one.element.name for one in course.passages if any(other.name == line.name for other in one.safety_lines))
-    return MapLine(line, ends, along, -right if line.keep_right else right, tuple(dict.fromkeys(legs)))
+    legs: dict[str, None] = {}  # in order, each once
+    for passage in course.passages:
+        if line.name in [safety_line.name for safety_line in passage.safety_lines]:
+            legs[passage.element.name] = None
+    return MapLine(line, ends, along, -right if line.keep_right else right, tuple(legs))
 
 
 def _marks(course: Course) -> tuple[Mark, ...]:
@@ -205,8 +208,8 @@ def _planned_ways(flight: Flight) -> tuple[Way, ...]:
     ways: list[Way] = []
     before: list[NDArray[np.int64]] = []
     for leg in legs_of(flight):
-        planned = is_planned(flight, leg.rows)
-        if not planned and leg.after.passage.element.place is None:
+        is_planned_leg = is_planned(flight, leg.rows)
+        if not is_planned_leg and leg.after.passage.element.place is None:
             before.append(leg.rows)
             continue
         rows = np.unique(np.concatenate([*before, leg.rows]))
@@ -216,7 +219,7 @@ def _planned_ways(flight: Flight) -> tuple[Way, ...]:
             # A point every 10 m.
             count = max(2, 2 + int(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / 10.0))
             thinned = np.unique(np.linspace(0, len(line) - 1, count).round().astype(np.int64))
-            ways.append(Way(leg.lap, line[thinned] if planned else line[[0, -1]], planned))
+            ways.append(Way(leg.lap, line[thinned] if is_planned_leg else line[[0, -1]], is_planned_leg))
     return tuple(ways)
 
 
@@ -234,8 +237,8 @@ def _straight_ways(course: Course) -> tuple[Way, ...]:
 
 def _frame(marks: Sequence[Mark], ways: Sequence[Way], beside: Sequence[Array]) -> tuple[float, float, float, float]:
     """Return south, north, west and east of a course, with what lies beside it as long as that does not dwarf it."""
-    shown = [*(np.array([[mark.north, mark.east]]) for mark in marks), *(way.line for way in ways)]
-    points = np.concatenate(shown) if shown else np.zeros((1, 2))
+    tracks = [*(np.array([[mark.north, mark.east]]) for mark in marks), *(way.line for way in ways)]
+    points = np.concatenate(tracks) if tracks else np.zeros((1, 2))
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     extent = max(float(np.ptp(points, axis=0).max()), LEAST_EXTENT)
     least = np.minimum(points.min(axis=0), middle - 0.5 * LEAST_EXTENT)
@@ -250,7 +253,7 @@ def _frame(marks: Sequence[Mark], ways: Sequence[Way], beside: Sequence[Array]) 
 def round_length(metres: float) -> float:
     """Return the largest of 1, 2 and 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(metres))
-    return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= metres)
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= metres)
 
 
 SPEED_COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c00f")
@@ -304,7 +307,7 @@ def by_speed(line: Array, speed: Array) -> ColouredTrack:
 def by_loss(comparison: Comparison) -> ColouredTrack:
     """Return the track of the other flight in the colours of the time that it loses at a place."""
     line, rate = loss_along(comparison)
-    known = np.abs(rate[np.isfinite(rate)])
-    most = max(float(np.percentile(known, LARGEST)), STILL) if len(known) else STILL
+    finite_rates = np.abs(rate[np.isfinite(rate)])
+    most = max(float(np.percentile(finite_rates, LARGEST)), STILL) if len(finite_rates) else STILL
     ends = f"wins {100.0 * most:.2f} s in 100 m", f"loses {100.0 * most:.2f} s"
     return ColouredTrack(line, rate, -most, most, LOSS_COLOURS, ends)

@@ -46,7 +46,7 @@ def one_line(text: str) -> str:
 
 def inert(text: str) -> str:
     """Return a text, as long as before, of which no line is a command to a runner of workflows that reads along."""
-    return _TO_A_RUNNER.sub(lambda found: f"{found[1]}\N{RATIO}" if found[1] else f"{found[2]}\uff3b", text)
+    return _TO_A_RUNNER.sub(lambda match: f"{match[1]}\N{RATIO}" if match[1] else f"{match[2]}\uff3b", text)
 
 
 def escape_markdown(text: str) -> str:
@@ -58,7 +58,7 @@ def escape_markdown(text: str) -> str:
     shown = _MARKS.sub(r"\\\g<0>", shown)
     # GitHub looks for these in what was rendered, where backslashes and entities are gone: a comment parts the text.
     shown = _LINKED.sub(r"\g<0><!-- -->", shown)
-    return _COMMIT.sub(lambda found: "<!-- -->".join(textwrap.wrap(found[0], 6)), shown)
+    return _COMMIT.sub(lambda match: "<!-- -->".join(textwrap.wrap(match[0], 6)), shown)
 
 
 def escape_html(text: str) -> str:
@@ -77,7 +77,7 @@ def keep_colours(text: str) -> str:
 
 
 class SafeStream(io.TextIOBase):
-    """A stream that somebody may watch, or no longer: what cannot be written is lost, and nothing else is.
+    """A stream whose reader may have gone: what cannot be written is lost, and nothing else is.
 
     Progress and messages go through it. A full disk behind `2>`, or a reader that has gone away, must not end a run.
     Lines that begin with a name are no commands to a runner of workflows, however many pieces they come in.

@@ -60,12 +60,12 @@ def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None) -> str:
     width = width if coloured is None else max(width, LEGEND)
     height = (map_.north - map_.south) * pixels + 2 * MARGIN + 2 * FONT
     sheet = _Sheet(map_.north, map_.west, pixels, width, height)
-    drawn = [
-        (way, BLUE, "") if way.planned else (way, GREY, "3 4")
-        for way in map_.ways
-        if coloured is None or not way.planned
-    ]
-    tracks = [_shape("polyline", sheet.points(way.line), colour, dash=dash) for way, colour, dash in drawn]
+    tracks: list[str] = []
+    for way in map_.ways:
+        if not way.planned:
+            tracks.append(_shape("polyline", sheet.points(way.line), GREY, dash="3 4"))
+        elif coloured is None:
+            tracks.append(_shape("polyline", sheet.points(way.line), BLUE))
     if coloured is not None:
         tracks += [_shape("polyline", sheet.points(line), colour, width=2.4) for line, colour in coloured.pieces()]
     parts = [
@@ -120,19 +120,19 @@ def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
 
 def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
     """Return names beside the marks, where they hide least."""
-    named = [mark for mark in map_.marks if mark.label]
-    if not named or len(named) > LABELS_MAX:
+    labelled_marks = [mark for mark in map_.marks if mark.label]
+    if not labelled_marks or len(labelled_marks) > LABELS_MAX:
         return []
-    anchors = [(x, -y) for x, y in (sheet.at(mark.north, mark.east) for mark in named)]
-    sizes = [(len(mark.label) * LETTER * FONT, FONT) for mark in named]
+    anchors = [(x, -y) for x, y in (sheet.at(mark.north, mark.east) for mark in labelled_marks)]
+    sizes = [(len(mark.label) * LETTER * FONT, FONT) for mark in labelled_marks]
     ways = [np.array([sheet.at(*place) for place in way.line.tolist()]) * (1.0, -1.0) for way in map_.ways]
-    drawn = np.concatenate([*ways, np.array(anchors)])
+    points = np.concatenate([*ways, np.array(anchors)])
     frame = Box(0.0, -sheet.height, sheet.width, sheet.height)
-    boxes = place_labels(anchors, sizes, drawn, frame, 7.0)
+    boxes = place_labels(anchors, sizes, points, frame, 7.0)
     return [
         f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * FONT:.1f}" fill="{BLACK}">'
         f"{html.escape(plain(mark.label))}</text>"
-        for box, mark in zip(boxes, named, strict=True)
+        for box, mark in zip(boxes, labelled_marks, strict=True)
     ]
 
 

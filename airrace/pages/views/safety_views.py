@@ -26,7 +26,7 @@ FOOTPRINT_MAX = 9.0  # inches, the height of the map
 def footprint_figure(footprint: Footprint, flight: Flight) -> Figure:
     """Return the map of the race with a flight of it and what falls where."""
     line = np.stack([flight["x"], flight["y"]], axis=1)
-    corners = np.concatenate([line, *(one.border for one in footprint.falls)])
+    corners = np.concatenate([line, *(fall.border for fall in footprint.falls)])
     map_ = map_model(flight.race).with_track(corners)  # the frame holds all falls
     frame = frame_of(map_)
     width, height = map_size(frame, FOOTPRINT_MAX)
@@ -62,8 +62,8 @@ def _draw_outlines(axes: Axes, outlines: tuple[Outline, ...], colour: str, label
     from matplotlib.path import Path
 
     style: dict[str, Any] = {"facecolor": colour, "edgecolor": colour, "alpha": 0.45, "linewidth": 0.6, "zorder": 3}
-    for number, one in enumerate(outlines):
-        paths = [Path(np.vstack([ring, ring[:1]])[:, ::-1], closed=True) for ring in (one.border, *one.holes)]
+    for number, outline in enumerate(outlines):
+        paths = [Path(np.vstack([ring, ring[:1]])[:, ::-1], closed=True) for ring in (outline.border, *outline.holes)]
         axes.add_patch(PathPatch(Path.make_compound_path(*paths), label=label if number == 0 else None, **style))
 
 
@@ -85,37 +85,37 @@ _HOW_TO_READ = (
 NO_PEOPLE = "the course names no people (key `crowd`): no distance from them was measured"
 
 
-def falls_table(found: Footprint, flight: Flight) -> Table:
+def falls_table(footprint: Footprint, flight: Flight) -> Table:
     """Return the longest way over ground of every kind of fall."""
     rows: list[tuple[str | float, ...]] = []
-    for key, way in found.lengths.items():
+    for key, way in footprint.lengths.items():
         row = int(way.argmax())
-        state = (float(found.states.speed[row]) / KNOT, float(found.states.place[row, 2]))
+        state = (float(footprint.states.speed[row]) / KNOT, float(footprint.states.place[row, 2]))
         rows.append(
-            (_FALL_NAMES[key], float(way[row]), float(found.time[row]), *state, leg_at(flight, found.time[row]))
+            (_FALL_NAMES[key], float(way[row]), float(footprint.time[row]), *state, leg_at(flight, footprint.time[row]))
         )
     return Table(f"{flight.label}: the longest ways over ground", _FALLS, rows)
 
 
-def people_table(found: Footprint, flight: Flight) -> Table:
+def people_table(footprint: Footprint, flight: Flight) -> Table:
     """Return how near to people impacts and glides come; no row, and a note that says so, where there are none."""
     rows = [
         (
-            *(one.crowd.name, one.crowd.distance, one.distance, one.time, leg_at(flight, one.time)),
-            *(one.seconds, one.overlap, one.straight_seconds, one.turned_seconds),
+            *(crowd.crowd.name, crowd.crowd.distance, crowd.distance, crowd.time, leg_at(flight, crowd.time)),
+            *(crowd.seconds, crowd.overlap, crowd.straight_seconds, crowd.turned_seconds),
         )
-        for one in found.crowds
+        for crowd in footprint.crowds
     ]
     return Table("impacts and people", _PEOPLE, rows, [_HOW_TO_READ if rows else NO_PEOPLE])
 
 
-def footprint_facts(found: Footprint, flight: Flight) -> list[str]:
+def footprint_facts(footprint: Footprint, flight: Flight) -> list[str]:
     """Return the numbers that a footprint rests on, and what it is not, a sentence each."""
-    shortest, longest = found.reach.distance.min(), found.reach.distance.max()
-    glide = f"without power: {found.glide.ratio:.1f} to 1 at {found.glide.speed / KNOT:.0f} kt ({found.glide_source})"
+    shortest, longest = footprint.reach.distance.min(), footprint.reach.distance.max()
+    glide = f"without power: {footprint.glide.ratio:.1f} to 1 at {footprint.glide.speed / KNOT:.0f} kt"
     return [
-        f"{glide}, {shortest:.0f} to {longest:.0f} m straight on",
-        f"drag area: {found.drag_area:.3g} m2 ({found.drag_source})",
+        f"{glide} ({footprint.glide_source}), {shortest:.0f} to {longest:.0f} m straight on",
+        f"drag area: {footprint.drag_area:.3g} m2 ({footprint.drag_source})",
         f"ground: flat, at the height of the course's origin; {wind_text(flight.air.wind)}",
         NOT_AN_AUTHORITYS,
     ]
@@ -123,7 +123,7 @@ def footprint_facts(found: Footprint, flight: Flight) -> list[str]:
 
 def leg_at(flight: Flight, time: float) -> str:
     """Return the leg on which a time lies, e.g. `1:g3 -> 1:g4`; empty where a passing is missing or none is near."""
-    if not all(one.found for one in flight.crossings) or not math.isfinite(time):
+    if not all(crossing.found for crossing in flight.crossings) or not math.isfinite(time):
         return ""
     before, after = passings_around(flight, time)
     return f"{before.name} -> {after.name}"
@@ -168,7 +168,7 @@ def envelope_figure(result: SafetyResult, flight: Flight) -> Figure:
     half = np.fmax.reduce(np.abs(result.envelope[:, 0]))  # NaN where no quantile is known
     usual = float(np.median(half[np.isfinite(half)])) if np.isfinite(half).any() else 0.0
     share = BAND_WIDTH * max(frame.width, frame.height) / max(usual, 1e-9)
-    widening = next((one for one in WIDENINGS if one <= share), 1.0)
+    widening = next((widening for widening in WIDENINGS if widening <= share), 1.0)
     title = f"{map_.name}: envelope of {result.flights} flights"
     figure.suptitle(title, x=0.02, ha="left", fontweight="bold", fontsize=14)
     axes.set_title(
@@ -205,15 +205,15 @@ def _draw_bands(axes: Axes, result: SafetyResult, flight: Flight, line: Array, w
     for order, (low, high, label, colour) in enumerate(BANDS):
         edges = [line[:, ::-1] + widening * result.envelope[row, 0][:, None] * right for row in (low, high)]
         pieces = np.stack([edges[0][:-1], edges[0][1:], edges[1][1:], edges[1][:-1]], axis=1)
-        known = np.isfinite(pieces).all(axis=(1, 2))
-        if known.any():
+        is_finite = np.isfinite(pieces).all(axis=(1, 2))
+        if is_finite.any():
             style: dict[str, Any] = {
                 "facecolor": colour,
                 "edgecolor": colour,
                 "linewidth": 0.4,
                 "zorder": 3 + 0.1 * order,
             }
-            axes.add_collection(PolyCollection(list(pieces[known]), **style))
+            axes.add_collection(PolyCollection(list(pieces[is_finite]), **style))
             axes.fill([], [], color=colour, label=f"{label} of the flights")
 
 
@@ -226,14 +226,14 @@ def _draw_strip(axes: Axes, result: SafetyResult, flight: Flight, quantiles: Arr
     axes.set_ylabel(label, fontsize=8)
     axes.tick_params(labelsize=8)
     axes.set_xlim(result.clock[0], result.clock[-1])
-    written = -math.inf
-    for number, one in enumerate(flight.crossings):
-        if not one.found:
+    last_label_time, spacing = -math.inf, NUMBERS_APART * (result.clock[-1] - result.clock[0])
+    for number, crossing in enumerate(flight.crossings):
+        if not crossing.found:
             continue
-        axes.axvline(one.time, color="#c8c8c8", linewidth=0.6, zorder=0)
-        if axes.get_subplotspec().is_first_row() and one.time - written > NUMBERS_APART * (
-            result.clock[-1] - result.clock[0]
-        ):
+        axes.axvline(crossing.time, color="#c8c8c8", linewidth=0.6, zorder=0)
+        if axes.get_subplotspec().is_first_row() and crossing.time - last_label_time > spacing:
             above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}
-            axes.annotate(str(number), (one.time, 1.0), textcoords="offset points", fontsize=7, color=GREY, **above)
-            written = one.time
+            axes.annotate(
+                str(number), (crossing.time, 1.0), textcoords="offset points", fontsize=7, color=GREY, **above
+            )
+            last_label_time = crossing.time

@@ -111,9 +111,9 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             )
         )
         before = race_time if result.holds else before
-    solved = [one for one in results if one.status is Status.SOLVED]
-    rough = ", ".join(one.stage.value for one in solved if one.is_rough)
-    notes = [f"solved: {ONE_MESH}"] if solved else []
+    solved_results = [result for result in results if result.status is Status.SOLVED]
+    rough = ", ".join(result.stage.value for result in solved_results if result.is_rough)
+    notes = [f"solved: {ONE_MESH}"] if solved_results else []
     notes += [f"{rough}: {ROUGH}"] if rough else []
     return Table("stages", _STAGES, rows, notes)
 
@@ -176,7 +176,7 @@ def claim(results: Sequence[StageResult]) -> str:
         )
     certified = results[-1].status is Status.CERTIFIED
     verdict, meshes = ("certified", "") if certified else ("solved", " on one mesh")
-    count = next((len(one.search.routes) for one in reversed(results) if one.search.routes), 1)
+    count = next((len(result.search.routes) for result in reversed(results) if result.search.routes), 1)
     routes = f"the best of {count} routes" if count > 1 else "no other route was evaluated"
     if _left_faster(results):
         fastest = routes if count > 1 else "the fastest flight"
@@ -197,24 +197,23 @@ def _left_faster(results: Sequence[StageResult]) -> bool:
 
 def _optimum(certificate: Certificate | None) -> str:
     """Return what an optimum that holds is, as far as its curvature tells."""
-    judged = None if certificate is None else certificate.second_order
-    if judged is None or judged.hangs_on_weak_limits:
-        return (
-            "a local optimum"
-            if judged is None
-            else "a local optimum, a minimum as far as limits that are weakly active hold"
-        )
-    if judged.curvature is Curvature.POSITIVE:
+    second_order = None if certificate is None else certificate.second_order
+    if second_order is None:
+        return "a local optimum"
+    if second_order.hangs_on_weak_limits:
+        return "a local optimum, a minimum as far as limits that are weakly active hold"
+    if second_order.curvature is Curvature.POSITIVE:
         return "a local minimum"
-    return f"a local minimum but for changes that cost next to nothing, as of the {judged.quantity} on {judged.phase}"
+    direction = f"the {second_order.quantity} on {second_order.phase}"
+    return f"a local minimum but for changes that cost next to nothing, as of {direction}"
 
 
 def _touches(certificate: Certificate | None) -> str:
     """Return the sentence on a clearance from pylons that is missed and does not decide; empty where there is none."""
     items = () if certificate is None else certificate.items
-    missed = next((one.value for one in items if one.name == CLEARANCE and math.isinf(one.limit)), 0.0)
-    text = f"; beside its crossings the wing misses its clearance from a pylon by {missed:.2f} m"
-    return text if missed >= NEAR_MISS else ""
+    clearance_violation = next((item.value for item in items if item.name == CLEARANCE and math.isinf(item.limit)), 0.0)
+    text = f"; beside its crossings the wing misses its clearance from a pylon by {clearance_violation:.2f} m"
+    return text if clearance_violation >= NEAR_MISS else ""
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:
@@ -229,9 +228,9 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
         notes: sentences that belong to it.
     """
     best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
-    own, *others = search.routes
-    place = "chosen" if any(route.difference < 0.0 for route in others) else "best"
-    rolls = [route for route in others if route.rolls and abs(route.difference) <= NEAR_ROLLS]
+    own, *alternatives = search.routes
+    place = "chosen" if any(route.difference < 0.0 for route in alternatives) else "best"
+    rolls = [route for route in alternatives if route.rolls and abs(route.difference) <= NEAR_ROLLS]
     rolls = rolls if len(rolls) > 1 else []
     rows: list[tuple[str | float, ...]] = [(own.text, own.race_time, place, own.evaluated_by)]
     if rolls:
@@ -239,17 +238,17 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
         last = f"{abs(behind):.0f} ms {'ahead' if behind < 0.0 else 'behind'}"
         words = f"{len(rolls)} routes that roll otherwise on a leg, the last of them {last}"
         rows.append((words, rolls[0].race_time, rolls[0].difference, ""))
-    listed = [route for route in others if route not in rolls]
-    shown = listed if most is None else listed[: max(most - len(rows), 0)]
-    rows += [(route.text, route.race_time, route.difference, route.evaluated_by) for route in shown]
-    if len(shown) < len(listed):
-        rows.append((f"and {len(listed) - len(shown)} more", "", "", ""))
-    told, time = f"routes: {len(search.routes)} optimised", "race time"
+    distinct_routes = [route for route in alternatives if route not in rolls]
+    visible_routes = distinct_routes if most is None else distinct_routes[: max(most - len(rows), 0)]
+    rows += [(route.text, route.race_time, route.difference, route.evaluated_by) for route in visible_routes]
+    if len(visible_routes) < len(distinct_routes):
+        rows.append((f"and {len(distinct_routes) - len(visible_routes)} more", "", "", ""))
+    heading, time = f"routes: {len(search.routes)} optimised", "race time"
     if not search.refined:
-        told, time = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s", "rough time"
-        told += f", {best} of {starts} multistarts converged to the {place} one"
+        heading, time = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s", "rough time"
+        heading += f", {best} of {starts} multistarts converged to the {place} one"
     columns = (_ROUTE, Column(time, "s", ".3f", rank=2), _BEHIND, _EVALUATED)
-    return Table(title or told, columns, rows, notes)
+    return Table(title or heading, columns, rows, notes)
 
 
 _DISTANCES = (
@@ -271,10 +270,10 @@ def distance_table(flight: Flight, title: str, *, begin: float = 0.0, notes: Seq
         begin: the time that times count from, s.
         notes: sentences that belong to it.
     """
-    rows = [
-        (one.text, one.distance, one.required, one.margin, one.time - begin, one.height)
-        for one in least_distances(flight)
-    ]
+    rows: list[tuple[str | float, ...]] = []
+    for clearance in least_distances(flight):
+        distances = (clearance.distance, clearance.required, clearance.margin)
+        rows.append((clearance.text, *distances, clearance.time - begin, clearance.height))
     return Table(title, _DISTANCES, rows, notes)
 
 
@@ -294,18 +293,19 @@ def limits_table(flight: Flight, most: int | None = None) -> Table:
         flight: an optimum.
         most: the largest number of rows; None for all.
     """
-    found = active_limits(flight)
+    limits = active_limits(flight)
     rows = [
-        (one.text, _value_text(one), one.duration, one.duration / flight.race_time, one.leg) for one in found[:most]
+        (limit.text, _value_text(limit), limit.duration, limit.duration / flight.race_time, limit.leg)
+        for limit in limits[:most]
     ]
     return Table("", _LIMITS, rows)
 
 
-def _value_text(one: ActiveLimit) -> str:
+def _value_text(limit: ActiveLimit) -> str:
     """Return the value of a limit with its unit, angles in degrees."""
-    if "rad" in one.unit:
-        return f"{math.degrees(one.value):.4g} {one.unit.replace('rad', 'deg')}"
-    return f"{one.value:.4g} {'' if one.unit == '1' else one.unit}".rstrip()
+    if "rad" in limit.unit:
+        return f"{math.degrees(limit.value):.4g} {limit.unit.replace('rad', 'deg')}"
+    return f"{limit.value:.4g} {'' if limit.unit == '1' else limit.unit}".rstrip()
 
 
 ONCE_ROUND = math.radians(270.0)
@@ -324,7 +324,7 @@ def place_text(cue: Cue, units: Units = RACE) -> str:
 
 def cue_text(cue: Cue, units: Units = RACE) -> str:
     """Return what is done at a cue, e.g. `roll right 6° -> 88°, 0.4 s; pull to 10 g for 1.9 s, left`."""
-    return "; ".join(_action_text(one, units) for one in cue.actions)
+    return "; ".join(_action_text(action, units) for action in cue.actions)
 
 
 def _action_text(action: Action, units: Units) -> str:
@@ -408,19 +408,20 @@ def action_table(cues: Sequence[Cue]) -> Table:
 def _action_rows(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
     for number, cue in enumerate(cues, start=1):
         place = (cue.leg.name, cue.leg.lap, number, cue.time, cue.passing, _finite(cue.distance))
-        for one in cue.actions:
-            text = _action_text(one, RACE)
-            match one:
+        for action in cue.actions:
+            text = _action_text(action, RACE)
+            match action:
                 case RollAction():
-                    banks = (math.degrees(angle) for angle in (one.bank_from, one.bank_to, one.angle))
-                    values = ("roll", one.side, one.time, one.duration, *banks, _through(one), None, None, None)
+                    banks = (math.degrees(angle) for angle in (action.bank_from, action.bank_to, action.angle))
+                    when = (action.time, action.duration)
+                    values = ("roll", action.side, *when, *banks, _through(action), None, None, None)
                 case Pull():
-                    through = "the top" if one.over_the_top else ""
-                    load = (one.n_z, math.degrees(one.turn), _finite(one.apex))
-                    verb = "pull" if one.n_z > 0.0 else "push"
-                    values = (verb, one.side, one.time, one.duration, None, None, None, through, *load)
+                    through = "the top" if action.over_the_top else ""
+                    load = (action.n_z, math.degrees(action.turn), _finite(action.apex))
+                    verb = "pull" if action.n_z > 0.0 else "push"
+                    values = (verb, action.side, action.time, action.duration, None, None, None, through, *load)
                 case _:
-                    values = ("apex", "", one.time, one.duration, None, None, None, "", None, None, one.height)
+                    values = ("apex", "", action.time, action.duration, None, None, None, "", None, None, action.height)
             yield (*place, *values, text)
 
 

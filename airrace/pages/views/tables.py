@@ -139,12 +139,12 @@ class Table:
 
     def text(self) -> str:
         """Return columns side by side, names to the left and numbers to the right, without rules."""
-        texts, shown = self.texts(), [column for column in self.columns if column.visible]
+        texts, columns = self.texts(), [column for column in self.columns if column.visible]
         widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
         lines = [
             "  ".join(
                 cell.rjust(width) if column.form else cell.ljust(width)
-                for column, cell, width in zip(shown, line, widths, strict=True)
+                for column, cell, width in zip(columns, line, widths, strict=True)
             )
             for line in texts
         ]
@@ -189,16 +189,20 @@ class Table:
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator=end)
         heads, *rows = self._data_rows()
-        writer.writerow([_csv_cell(one, "") for one in heads])
+        writer.writerow([_csv_cell(head, "") for head in heads])
         for row in rows:
-            writer.writerow([_csv_cell(one, form) for one in row])
+            writer.writerow([_csv_cell(value, form) for value in row])
         return text.getvalue()
 
     def objects(self) -> list[dict[str, Value]]:
         """Return the rows as objects by the columns' keys, for JSON."""
         heads, *rows = self._data_rows()
-        values = ([None if isinstance(one, float) and not math.isfinite(one) else one for one in row] for row in rows)
-        return [dict(zip(map(str, heads), row, strict=True)) for row in values]
+        objects = [dict(zip(map(str, heads), row, strict=True)) for row in rows]
+        for fields in objects:
+            for key, value in fields.items():
+                if isinstance(value, float) and not math.isfinite(value):
+                    fields[key] = None
+        return objects
 
     def dataframe(self, index: str) -> "DataFrame":
         """Return a data frame of pandas by the columns' keys.
@@ -228,9 +232,9 @@ class Table:
             collapse_padding=True,
             show_edge=False,
         )
-        shown = [column for column in self.columns if column.visible]
+        columns = [column for column in self.columns if column.visible]
         texts = zip(*self.texts(), strict=True)
-        for column, (_, *cells) in zip(shown, texts, strict=True):
+        for column, (_, *cells) in zip(columns, texts, strict=True):
             head = f"{column.name}\n{column.unit}" if column.unit else column.name
             justify, overflow = "right" if column.form else "left", "fold" if column.wraps else "ellipsis"
             # Of words that stay on one line rich would otherwise take the longest one for the least width.
@@ -247,14 +251,15 @@ class Table:
         """Yield what people see, row by row."""
         for row in self.rows:
             pairs = zip(self.columns, row, strict=True)
-            yield [(column, one if isinstance(one, Cell) else Cell(one)) for column, one in pairs if column.visible]
+            cells = ((column, value) for column, value in pairs if column.visible)
+            yield [(column, value if isinstance(value, Cell) else Cell(value)) for column, value in cells]
 
     def _data_rows(self) -> Iterator[list[Value]]:
         """Yield what CSV and JSON have: the columns' keys, then the values, row by row."""
         yield [column.key for column in self.columns if column.key]
         for row in self.rows:
             pairs = zip(self.columns, row, strict=True)
-            yield [one.value if isinstance(one, Cell) else one for column, one in pairs if column.key]
+            yield [value.value if isinstance(value, Cell) else value for column, value in pairs if column.key]
 
 
 def _csv_cell(value: Value, form: str) -> Value:

@@ -104,16 +104,16 @@ def _rows(current: _StageUnderWay | None, now: float) -> Iterator[tuple[str, Ren
         yield from ((name, Text("")) for name in ROWS)
         return
     iteration = current.iteration
-    measured = ("-", "-", "-")
+    columns = ("-", "-", "-")
     if iteration is not None:
-        measured = (str(iteration.number), f"{iteration.objective:.3f} s", f"{iteration.infeasibility:.1e}")
+        columns = (str(iteration.number), f"{iteration.objective:.3f} s", f"{iteration.infeasibility:.1e}")
     number = f", {current.number}" if current.number else ""
     done = ProgressBar(total=current.total, completed=current.done, width=40) if current.total else Text("")
     values = (
         Text.assemble((current.stage.value, "bold"), f"{number}, {_duration(now - current.since)}"),
         Text(current.activity or "preparing"),
         done,
-        *(Text(one) for one in measured),
+        *(Text(text) for text in columns),
     )
     yield from zip(ROWS, values, strict=True)
 

@@ -31,8 +31,10 @@ def sweep_texts(sweep: Sweeps) -> list[str]:
     """Return sweeps as `key=values` texts, as `--sweep` takes them."""
     if not isinstance(sweep, Mapping):
         return [sweep] if isinstance(sweep, str) else list(sweep)
-    lists = {key: values if isinstance(values, str) else ",".join(map(str, values)) for key, values in sweep.items()}
-    return [f"{key}={values}" for key, values in lists.items()]
+    texts: list[str] = []
+    for key, values in sweep.items():
+        texts.append(f"{key}={values if isinstance(values, str) else ','.join(map(str, values))}")
+    return texts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +192,7 @@ def optimize_many(
         'homotopy'
 
     Args:
-        tracks: track files, patterns, names of courses that come along, or batch files.
+        tracks: track files, patterns, names of shipped courses, or batch files.
         aircraft: files or names; empty for what the tracks name.
         winds: values of `speed_kt`, `speed_m_s` and `from_deg`: a list, or a range `first:last:step`.
         sweep: values of any other keys, see `Sweeps`.

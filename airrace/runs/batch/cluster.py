@@ -207,23 +207,23 @@ class ClusterPool(JobPool):
     def _refuse_other_versions(self) -> None:
         """Begin nothing with a cluster whose scheduler or workers have other versions."""
         versions = self._client.get_versions(packages=list(self._versions))
-        here, there = self._versions["airrace"], versions["scheduler"]["packages"]["airrace"]
-        if there is None:
+        version, scheduler_version = self._versions["airrace"], versions["scheduler"]["packages"]["airrace"]
+        if scheduler_version is None:
             raise ClusterError(f"the scheduler {self._address} has no airrace, which it needs as well")
-        if there != here:
-            raise ClusterError(f"the scheduler {self._address} has airrace {there}, here is {here}")
+        if scheduler_version != version:
+            raise ClusterError(f"the scheduler {self._address} has airrace {scheduler_version}, here is {version}")
         for worker, answer in versions["workers"].items():
             if mismatch := self._mismatch(answer["packages"]):
                 raise ClusterError(f"worker {worker} of {self._address} has {mismatch}")
 
     def _mismatch(self, packages: Mapping[str, str | None]) -> str:
         """Return the first version that is another one than here; empty where all are the same."""
-        for name, here in self._versions.items():
-            there = packages.get(name)
-            if there is None:
+        for name, version in self._versions.items():
+            package_version = packages.get(name)
+            if package_version is None:
                 return f"no {name}"
-            if there != here:
-                return f"{name} {there}, here is {here}"
+            if package_version != version:
+                return f"{name} {package_version}, here is {version}"
         return ""
 
 

@@ -272,9 +272,9 @@ class _OptimumSolver:
 
     def _run(self, inputs: Inputs, name: str, start: RunState | None) -> tuple[Optimum, RunState]:
         path = None if self._folder is None else self._folder / f"{name}.h5"
-        stored = adopt_checkpoint(new_run(inputs, path))
-        if self._until in stored:
-            plan = plan_resumed_run(stored, until=self._until)
+        stored_run = adopt_checkpoint(new_run(inputs, path))
+        if self._until in stored_run:
+            plan = plan_resumed_run(stored_run, until=self._until)
         else:
             usable = start is not None and any(result.holds for result in start.results)
             plan = plan_new_run(inputs, until=self._until, path=path, start=start if usable else None)
@@ -306,7 +306,7 @@ def fairness(
     """Return what aircraft and air are worth on a course, as `airrace fairness` does.
 
     Args:
-        track: a course that comes along, by name, or a file.
+        track: a shipped course, by name, or a file.
         aircraft: names or files; empty for the one that the track names.
         winds: e.g. `0,5,10kt@8`; None for that of the course.
         sweep: other keys of the air, such as `environment.temperature_offset_K`, and their values.
@@ -322,7 +322,7 @@ def fairness(
 
     Raises:
         InputError: the inputs are not valid; it carries all findings.
-        UsageError: an argument says nothing sensible, or two aircraft have one name.
+        UsageError: an argument is out of range, or two aircraft have one name.
         CheckpointError: a flight cannot be read.
         StorageError: the folder cannot be written to.
     """
@@ -343,7 +343,7 @@ def fairness(
         inputs = load_inputs(track, settings=settings, overrides=set)
         inputs_of[stem_of(Path(inputs.aircraft.path))] = inputs
     inputs_in_airs = {name: [_in_air(inputs, air) for air in airs] for name, inputs in inputs_of.items()}
-    recorded = [_open_flight(text) for text in flights]
+    recorded_flights = [_open_flight(text) for text in flights]
     folder = None if output is None else Path(output)
     if folder is not None:
         make_folder(folder)
@@ -360,7 +360,7 @@ def fairness(
                 starts.append((air, run))
         columns.append(column)
     optima = tuple(zip(*columns, strict=True))
-    normalised = tuple(_normalise(flight, solver) for flight in recorded)
+    normalised = tuple(_normalise(flight, solver) for flight in recorded_flights)
     fastest_first = tuple(sorted(normalised, key=lambda flight: (math.isnan(flight.time), flight.time)))
     return Fairness(course, stage, tuple(inputs_of), airs, optima, _favours(optima[0]), fastest_first)
 
@@ -412,14 +412,18 @@ class _RecordedFlight:
 def _open_flight(text: str) -> _RecordedFlight:
     """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`."""
     name = FlightName.of(text)
-    opened = open_file(name.path)
-    run = opened if isinstance(opened, RunState) else None
-    return _RecordedFlight(source_of(opened, name.stage).flight(), stem_of(name.path), run, _in_air(opened.inputs, ()))
+    run_or_log = open_file(name.path)
+    run = run_or_log if isinstance(run_or_log, RunState) else None
+    return _RecordedFlight(
+        source_of(run_or_log, name.stage).flight(), stem_of(name.path), run, _in_air(run_or_log.inputs, ())
+    )
 
 
 def _normalise(recorded: _RecordedFlight, solver: _OptimumSolver) -> NormalisedFlight:
     """Return a flight with the optima of its aircraft in its own and in still standard air."""
     flight, inputs, stem = recorded.flight, recorded.inputs, recorded.stem
-    there, run = solver.solve(inputs, stem, "as flown", recorded.run)
-    standard, _ = solver.solve(_in_air(inputs, STANDARD_AIR), stem, "still standard air", run)
-    return NormalisedFlight(flight.label, flight.aircraft.name, flight.race_time, there.time, standard.time)
+    own_air_optimum, run = solver.solve(inputs, stem, "as flown", recorded.run)
+    standard_optimum, _ = solver.solve(_in_air(inputs, STANDARD_AIR), stem, "still standard air", run)
+    return NormalisedFlight(
+        flight.label, flight.aircraft.name, flight.race_time, own_air_optimum.time, standard_optimum.time
+    )

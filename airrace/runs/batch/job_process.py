@@ -76,8 +76,8 @@ def main() -> None:
             if isinstance(error, SolverCrash) and error.status == -getattr(signal, "SIGKILL", 9):
                 answer.error += " (out of memory?)"  # the solver has most of it, and the system picks it
         findings = [asdict(finding) for finding in answer.findings]
-        ended = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
-        progress.write({"ended": ended})
+        end_fields = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
+        progress.write({"ended": end_fields})
     sys.exit(int(answer.code))
 
 

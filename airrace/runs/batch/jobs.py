@@ -208,9 +208,9 @@ def job_name(course: Path, aircraft: Path | None, swept: Combination) -> str:
         swept: the value of every sweep.
     """
     lasts = [key.rpartition(".")[2] for key, _ in swept]
-    values = [
-        f"{last if lasts.count(last) == 1 else key}={value}" for last, (key, value) in zip(lasts, swept, strict=True)
-    ]
+    values: list[str] = []
+    for last, (key, value) in zip(lasts, swept, strict=True):
+        values.append(f"{last if lasts.count(last) == 1 else key}={value}")
     parts = [course.stem, *([] if aircraft is None else [aircraft.stem]), *values]
     name = _UNFIT.sub("_", ",".join(parts))
     if name.startswith("."):  # such a file would be hidden
@@ -230,10 +230,10 @@ def refuse_clashes(named: Iterable[tuple[str, str]]) -> None:
     Raises:
         UsageError: two do; both are named.
     """
-    seen: dict[str, str] = {}
+    origins: dict[str, str] = {}
     for name, origin in named:
-        other = seen.get(name.casefold())
-        if other is not None:
-            both = f"{origin}, which is given twice" if other == origin else f"{other} and {origin}"
+        first_origin = origins.get(name.casefold())
+        if first_origin is not None:
+            both = f"{origin}, which is given twice" if first_origin == origin else f"{first_origin} and {origin}"
             raise UsageError(f"two jobs would write {name}.h5: {both}; fly them in two batches, or rename a file")
-        seen[name.casefold()] = origin
+        origins[name.casefold()] = origin

@@ -104,11 +104,11 @@ def run_job(
         stack.callback(_kill_family, process)
         lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         threading.Thread(target=_converse, args=(process, request, lines), daemon=True).start()
-        answer = stopped = None
+        answer = stop_reason = None
         kill_after = math.inf
         while True:
             wall = time.monotonic() - began
-            if stopped is None and (stopped := _reason_to_stop(wall, timeout, stop_asked)):
+            if stop_reason is None and (stop_reason := _reason_to_stop(wall, timeout, stop_asked)):
                 kill_after = wall + GRACE
                 with contextlib.suppress(OSError):
                     process.send_signal(STOP)
@@ -130,8 +130,8 @@ def run_job(
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GRACE)  # it says no more, so it should end
         _kill_family(process)
-        if stopped is not None and (answer is None or answer.code == ExitCode.INTERRUPTED):
-            answer = replace(stopped, run=None if answer is None else answer.run)
+        if stop_reason is not None and (answer is None or answer.code == ExitCode.INTERRUPTED):
+            answer = replace(stop_reason, run=None if answer is None else answer.run)
         if answer is None:
             answer = AttemptResult(ExitCode.SYSTEM, _describe_crash(process.returncode, errors), 0.0)
         return replace(answer, wall=time.monotonic() - began)  # an answer counts even if it had to stop meanwhile

@@ -50,7 +50,7 @@ class JobTemplate:
         settings: a settings file, None for the defaults.
         overrides: `key=value` texts for all jobs.
         sweeps: values tried in turn.
-        until: name of the last stage, None where nobody names one.
+        until: name of the last stage, None where none is named.
         places: where keys are set or swept in a file, for what is found to be wrong with them.
     """
 
@@ -283,7 +283,7 @@ class PlannedJob:
     Attributes:
         name: the name of the job.
         course: the name of the course.
-        track, aircraft: paths as users name them; the aircraft is None where nobody knows it.
+        track, aircraft: paths as users name them; the aircraft is None where it is unknown.
         swept: the value of every sweep.
         job: None where the inputs are not even good enough to make one.
         reason: why it runs, a clause; empty where it is not.
@@ -345,7 +345,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, repe
     """Return the plan of a batch: everything that is found out before any job runs.
 
     Args:
-        until: the last stage where nobody names one.
+        until: the last stage where none is named.
         versions: the versions of airrace and of what its numbers depend on.
         repeat: which finished jobs are repeated.
 

@@ -257,8 +257,9 @@ def wind_summaries(rows: Sequence[BatchResult]) -> list[WindSummary]:
 def _bearings(flights: Sequence[tuple[float, BatchResult]]) -> Iterator[Bearing]:
     directions = {row.swept.get(DIRECTION, "") for _, row in flights} - {""}
     for direction in sorted(directions, key=_number):
-        there = [(time, row) for time, row in flights if row.swept.get(DIRECTION) == direction]
-        yield Bearing(direction, sum(time for time, _ in there) / len(there), _slope(there))
+        in_direction = [(time, row) for time, row in flights if row.swept.get(DIRECTION) == direction]
+        mean = sum(time for time, _ in in_direction) / len(in_direction)
+        yield Bearing(direction, mean, _slope(in_direction))
 
 
 def _slope(flights: Sequence[tuple[float, BatchResult]]) -> float | None:

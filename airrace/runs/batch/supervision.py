@@ -226,8 +226,8 @@ class _Supervision:
                     "race_time_s": race_time,
                     "certified": bool(certified),
                 }:
-                    finished = StageFinished(name, stage, status, race_time, certified)
-                    self._watcher.on_stage_end(pending.step, finished)
+                    event = StageFinished(name, stage, status, race_time, certified)
+                    self._watcher.on_stage_end(pending.step, event)
                 case _:
                     pass
 

@@ -119,9 +119,9 @@ class SweepResult:
             return
         pyarrow: Any = extra("pyarrow", "a Parquet file", "parquet")  # Any: without pyarrow there are no types
         files: Any = extra("pyarrow.parquet", "a Parquet file", "parquet")
-        written = io.BytesIO()
-        files.write_table(pyarrow.Table.from_pylist(self.table().objects()), written)
-        replace_file(path, written.getvalue())
+        buffer = io.BytesIO()
+        files.write_table(pyarrow.Table.from_pylist(self.table().objects()), buffer)
+        replace_file(path, buffer.getvalue())
 
 
 def _is_number(text: str) -> bool:
@@ -234,8 +234,8 @@ def _solve_chunks(
             finally:
                 free.put(session)
 
-        for solved in pool.map(solve, chunks):
-            points += solved
+        for chunk_points in pool.map(solve, chunks):
+            points += chunk_points
             if tell is not None:
                 tell(len(points), sum(map(len, chunks)))
         optimum = sessions[0].optimum
