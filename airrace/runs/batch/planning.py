@@ -152,7 +152,7 @@ def _batch_document(path: Path) -> Document | None:
     Whatever else is wrong with the file is reported when it is read as a course.
     """
     document = read_document(path, []) if path == STANDARD or os.path.isfile(path) else None
-    if document and re.search(r"^schema:\s*[\"']?airrace/runs/batch/", document.text, re.MULTILINE):
+    if document and re.search(r"^schema:\s*[\"']?airrace/batch/", document.text, re.MULTILINE):
         return document
     return None
 

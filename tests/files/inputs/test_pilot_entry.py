@@ -29,7 +29,7 @@ def pilot_of(*overrides: str) -> PilotLimits:
 def text_of_language(number: int, *rules: str) -> Document:
     """A course of two gates in a version of the track language."""
     text = f"""
-    schema: airrace/model/track/{number}
+    schema: airrace/track/{number}
     name: Two gates
     aircraft: edge540
     rules: {{n_z_max: 10{"".join(f", {rule}" for rule in rules)}}}
