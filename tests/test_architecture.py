@@ -106,7 +106,7 @@ READS_A_CLOCK = re.compile(
     r"\b(perf_counter|process_time|thread_time|monotonic|clock_gettime|timeit|time\.time\b|getrusage)"
 )
 MAY_READ_A_CLOCK = {
-    "waiting.py": "what hangs is given up, after minutes",
+    "support/waiting.py": "what hangs is given up, after minutes",
     "test_architecture.py": "it names the clocks",
     "end_to_end/without_posix/sitecustomize.py": "it names the clocks that POSIX alone has, and hides them",
 }

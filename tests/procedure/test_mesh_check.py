@@ -167,12 +167,12 @@ def test_claim_to_be_certified_is_measured_on_a_second_mesh() -> None:
     assert solved.certificate is not None
     items = list(solved.certificate.items)
     place = 1 + [item.name for item in items].index("hamiltonian_drift")
-    items.insert(place, Item(RACE_TIME_CHANGE, 1e-4, 5e-3, "s"))
+    items.insert(place, Item(RACE_TIME_CHANGE, 4e-3, 5e-3, "s"))
     tampered = dataclasses.replace(solved, certificate=dataclasses.replace(solved.certificate, items=tuple(items)))
     assert tampered.certified
     again = recertify(SMALL, LAST, tampered)
     (measured,) = [item.value for item in again.items if item.name == RACE_TIME_CHANGE]
-    assert measured > 2e-4
+    assert 2e-4 < measured < 2e-3
     assert tampered.certificate is not None
     clauses = discrepancies(tampered, dataclasses.replace(tampered, certificate=again))
     assert any(clause.startswith("certificate, race_time_change: ") for clause in clauses)

@@ -29,7 +29,7 @@ def said(program: str, **variables: str) -> str:
 def test_what_the_user_has_not_set_is_configured(
     names: tuple[str, ...], variables: dict[str, str], expected: str
 ) -> None:
-    program = f"from airrace import process; process.configure(); {SETTINGS.format(names=names)}"
+    program = f"from airrace.runtime import process; process.configure(); {SETTINGS.format(names=names)}"
     assert said(program, **variables) == f"{COLLECTION_THRESHOLD} {expected}"
 
 
@@ -39,7 +39,7 @@ def test_processes_settle_before_they_load_numpy(entry: str) -> None:
     # What a process imports in its first line, its `main` would settle too late.
     loaded = said(f"import sys, airrace.{entry}; print('numpy' in sys.modules)")
     assert loaded == "False"
-    assert said(f"from airrace import process; process.configure(); {COUNTED}") == "1"
+    assert said(f"from airrace.runtime import process; process.configure(); {COUNTED}") == "1"
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_a_request_is_raised_until_acknowledged_even_if_swallowed_turned_into_an
 
 def test_nobody_listens_who_has_not_asked() -> None:
     program = (
-        "from airrace import interrupts; import signal; print(interrupts.listening(), signal.getsignal(2).__name__)"
+        "from airrace.runtime import interrupts; import signal; print(interrupts.listening(), signal.getsignal(2).__name__)"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "False default_int_handler\n"
