@@ -34,7 +34,7 @@ def test_what_the_user_has_not_set_is_configured(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted as Linux tells them")
-@pytest.mark.parametrize("entry", ["__main__", "process"])
+@pytest.mark.parametrize("entry", ["__main__", "runtime.process"])
 def test_processes_settle_before_they_load_numpy(entry: str) -> None:
     # What a process imports in its first line, its `main` would settle too late.
     loaded = said(f"import sys, airrace.{entry}; print('numpy' in sys.modules)")
