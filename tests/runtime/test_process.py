@@ -148,7 +148,8 @@ def test_a_request_is_raised_until_acknowledged_even_if_swallowed_turned_into_an
 
 def test_nobody_listens_who_has_not_asked() -> None:
     program = (
-        "from airrace.runtime import interrupts; import signal; print(interrupts.listening(), signal.getsignal(2).__name__)"
+        "from airrace.runtime import interrupts; import signal; "
+        "print(interrupts.listening(), signal.getsignal(2).__name__)"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "False default_int_handler\n"
