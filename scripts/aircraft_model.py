@@ -2,7 +2,7 @@
 
     python scripts/aircraft_model.py
 
-The files are `aircraft.dae` and `aircraft.glb` in airrace/export, whose `aircraft_model.py` scales them.
+The files are `aircraft.dae` and `aircraft.glb` in airrace/files/export, whose `aircraft_model.py` scales them.
 """
 
 import json
@@ -205,7 +205,7 @@ def _add_mesh(geometries: ET.Element, part: Surface) -> None:
 
 
 if __name__ == "__main__":
-    folder = Path(__file__).parents[1] / "airrace" / "export"
+    folder = Path(__file__).parents[1] / "airrace" / "files" / "export"
     surfaces = aircraft_model()
     (folder / "aircraft.glb").write_bytes(glb(surfaces))
     (folder / "aircraft.dae").write_bytes(collada(surfaces))
