@@ -204,6 +204,7 @@ def _execute_locked(
     run, start = plan.run, plan.start
     reused_stages = {result.stage for result in plan.reused}
     _store(run)
+    before = run
     for result in procedure.optimize(
         run.inputs.race,
         run.inputs.settings,
@@ -216,7 +217,8 @@ def _execute_locked(
         progress=progress,
     ):
         run = run.with_mesh_check(result) if result.stage in reused_stages else run.with_stage(result)
-        _store(run)
+        _store(run, before)
+        before = run
         progress.stage_finished(result)  # now, and not before it is stored: what is announced is never lost
         yield run, result
 
@@ -300,9 +302,10 @@ def unreached(reserve: ReserveEntry | None) -> str:
     return f"a reserve of {reserve.probability:g} was not reached: {most}"
 
 
-def _store(run: RunState) -> None:
+def _store(run: RunState, before: RunState | None = None) -> None:
+    """Write a run to its file, if it has one, which holds the run `before`."""
     if run.path is not None:
-        write_checkpoint(run.path, run.checkpoint)
+        write_checkpoint(run.path, run.checkpoint, None if before is None else before.checkpoint)
 
 
 def _next_step(execution: Execution) -> str:

@@ -16,6 +16,7 @@ import os
 import stat
 import struct
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from airrace.errors import CheckpointError
@@ -72,22 +73,35 @@ SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
 
-def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: Path, checkpoint: Checkpoint, before: Checkpoint | None = None) -> None:
     """Replace the file at `path`, at once and as a whole.
 
     What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
+
+    Args:
+        path: the file.
+        checkpoint: its new contents.
+        before: what it holds already, if that is known: stages of this are not read back a second time.
 
     Raises:
         StorageError: the system refused; the old checkpoint survives.
         CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
             more than 256 MiB); the old checkpoint survives.
     """
-    _write(path, checkpoint, {"schema": SCHEMA})
+    attributes: Mapping[str, Attribute] = {"schema": SCHEMA}
+    image = CODEC.image_of(checkpoint, attributes)
+    new = image
+    if before is not None:  # reading takes longer than writing, and every stage is written again after each stage
+        readable = {id(stored) for stored in before.stages}
+        stages = tuple(stored for stored in checkpoint.stages if id(stored) not in readable)
+        new = CODEC.image_of(replace(checkpoint, stages=stages), attributes)
+    _write(path, image, read_back=new)
 
 
 def write_log(path: Path, recorded: LogCheckpoint) -> None:
     """Replace the file at `path` by a flight log, at once and as a whole; errors as of `write_checkpoint`."""
-    _write(path, recorded, {CONTENT: FLIGHT_LOG, "schema": LOG_SCHEMA})
+    image = CODEC.image_of(recorded, {CONTENT: FLIGHT_LOG, "schema": LOG_SCHEMA})
+    _write(path, image, read_back=image)
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -118,11 +132,10 @@ def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
         raise CheckpointError(f"{name_of(path)}: {error}") from error
 
 
-def _write(path: Path, contents: object, attributes: Mapping[str, Attribute]) -> None:
-    image = CODEC.image_of(contents, attributes)
+def _write(path: Path, image: bytes, *, read_back: bytes) -> None:
     if BLOCK_SIZE + len(image) > SIZE_MAX:
         raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
-    _decode(image)
+    _decode(read_back)
     replace_file(path, seal(image))
 
 

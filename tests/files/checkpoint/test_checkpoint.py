@@ -114,6 +114,8 @@ def test_what_could_not_be_read_again_never_replaces_a_good_checkpoint(tmp_path:
             write_checkpoint(path, refused)
         assert path.read_bytes() == before
         assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(CheckpointError, match="first_node"):  # of a stage that the file has not
+        write_checkpoint(path, longer, before=good)
 
 
 def checkpoint_of(trajectory: Trajectory) -> Checkpoint:
