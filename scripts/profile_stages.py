@@ -43,7 +43,7 @@ LOADING, FILES, OTHER = "loading", "input and output", "other"
 PARTS = (DERIVATIVES, ALGEBRA, TOGETHER, REPLAY, SIMULATION, MODELS, LOADING, FILES, OTHER)
 BETWEEN = "-"
 """The name under which the time between stages is kept."""
-STAGE_OF = {"solve_first_flight": Stage.HOMOTOPY, "solve_point_mass": Stage.POINT_MASS}
+STAGE_OF = {"solve_homotopy_and_plans": Stage.HOMOTOPY, "solve_point_mass": Stage.POINT_MASS}
 """The stages of functions of the procedure that solve a single one."""
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {  # Any: they are only passed through
@@ -172,7 +172,7 @@ def watch(clocks: Clocks) -> None:
 
         return within
 
-    for name in ("solve_first_flight", "solve_point_mass", "solve_stage_above"):
+    for name in ("solve_homotopy_and_plans", "solve_point_mass", "solve_stage_above"):
         setattr(procedure, name, of_stage(getattr(procedure, name)))
 
     def waited(service: SolverService, *arguments: Any, **named: Any) -> Any:

@@ -28,8 +28,8 @@ def fastest_of(results: Sequence[StageResult]) -> StageResult:
     return min(results, key=lambda result: result.trajectory.race_time if result.holds else math.inf)
 
 
-def place_of(result: StageResult, results: Sequence[StageResult]) -> int:
-    """Return the number of the result with the trajectory of another one."""
+def index_of(result: StageResult, results: Sequence[StageResult]) -> int:
+    """Return the index of the result that has the trajectory of `result`."""
     return next(number for number, candidate in enumerate(results) if candidate.trajectory is result.trajectory)
 
 

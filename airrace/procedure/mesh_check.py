@@ -7,24 +7,24 @@ from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.refinement import MeshProposal, MeshSolution, bisect_all, bisect_coarse
-from airrace.procedure.result import Note, NoteKind, StageResult
-from airrace.procedure.solve_and_refine import (
+from airrace.procedure.mesh_loop import (
     Failure,
-    RefinementState,
+    MeshTask,
     carry_multipliers,
     next_until_certified,
     refine,
     solve_on_mesh,
-    state_to_certify,
+    task_to_certify,
 )
+from airrace.procedure.mesh_proposals import MeshProposal, MeshSolution, bisect_all, bisect_coarse
+from airrace.procedure.result import Note, NoteKind, StageResult
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_models import StageModels
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 
 
-def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: SolverSession) -> StageResult | str:
+def solve_on_second_mesh(flight: StageProblem, optimum: StageResult, session: SolverSession) -> StageResult | str:
     """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
 
     It is solved on the coarser mesh from which its own was divided, and on its own with all intervals halved that both
@@ -52,7 +52,7 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
     else:
         coarse_mesh, guess = restrict(mesh, iterate, nodes)
         coarse_problem = flight.problem(coarse_mesh)
-        reference = RefinementState(
+        reference = MeshTask(
             flight,
             MeshProposal.first(coarse_problem, guess),
             InitialBarrier.OTHER_MESH,
@@ -69,7 +69,7 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
         proposal, coarser = bisect_coarse(good.proposal, good.evidence.replay), coarse.optimum
     if coarser is not None:
         multipliers = carry_multipliers(multipliers, problem, flight.problem(proposal.mesh))
-    first = state_to_certify(
+    first = task_to_certify(
         session,
         flight,
         proposal,
@@ -86,11 +86,11 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
     return replace(result, search=optimum.search) if result.certified else result.message
 
 
-def confirm_mesh(models: StageModels, optimum: StageResult, session: SolverSession) -> StageResult:
+def check_mesh(models: StageModels, optimum: StageResult, session: SolverSession) -> StageResult:
     """Return an optimum with its mesh checked; the optimum itself where there is nothing to check or that fails."""
     if optimum.certified or not optimum.holds:
         return optimum
-    checked = check_mesh_convergence(models.along(optimum.stage, optimum), optimum, session)
+    checked = solve_on_second_mesh(models.problem_along(optimum.stage, optimum), optimum, session)
     notes = tuple(note for note in optimum.notes if note.kind is not NoteKind.MESH_CHECK)
     if isinstance(checked, StageResult):
         return replace(checked, notes=notes)

@@ -25,14 +25,14 @@ from airrace.procedure.certification import conclude
 from airrace.procedure.choice import (
     SAME_FLIGHT,
     fastest_of,
+    index_of,
     mesh_resolution,
-    place_of,
     simplest_of,
     with_note_on_faster,
 )
 from airrace.procedure.fidelity import fidelity_of, iterate_of, stage_model
 from airrace.procedure.homotopy import HomotopyOutcome, solve_homotopy
-from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
+from airrace.procedure.infeasibility.conflicts import RelaxedRace, conflict_location
 from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
 from airrace.procedure.infeasibility.local_infeasibility import (
     LocalInfeasibility,
@@ -40,7 +40,8 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
-from airrace.procedure.mesh_check import confirm_mesh
+from airrace.procedure.mesh_check import check_mesh
+from airrace.procedure.mesh_loop import Failure, MeshStrategy, solve_certified, solve_from_starts
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.multistart import search_routes
 from airrace.procedure.multistart.plans import plans_to_search, plans_with_room, replanned_with_room
@@ -50,9 +51,9 @@ from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.recomputation import recertify, recompute
 from airrace.procedure.restart import SourceRun, start_from
 from airrace.procedure.result import Note, NoteKind, Progress, PylonCondition, SearchReport, StageResult, Status
-from airrace.procedure.settings import GuessKind, MeshCheck, Settings
+from airrace.procedure.schedule import Schedule, checks_mesh, schedule, stages_of_run
+from airrace.procedure.settings import Settings
 from airrace.procedure.single_mesh import solve_roughly, solve_single_mesh
-from airrace.procedure.solve_and_refine import Failure, Refinement, solve_certified, solve_with_refinement
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_models import StageModels, start_along, start_trimmed
@@ -62,7 +63,7 @@ from airrace.race import Race
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["STAGES", "checks_mesh", "optimize", "recertify", "recompute", "wanted_stages"]
+__all__ = ["STAGES", "optimize", "recertify", "recompute"]
 
 CARRIED_MAX = 2
 """How many routes go through all stages where the settings do not say.
@@ -79,18 +80,7 @@ another route was certified than the one that was found.
 """
 
 
-def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
-    """Return the stages of a run; with a guess from the plan there is no homotopy."""
-    first = STAGES.index(Stage.HOMOTOPY if settings.guess is GuessKind.HOMOTOPY else Stage.POINT_MASS)
-    return list(STAGES[first : STAGES.index(until) + 1])
-
-
-def checks_mesh(settings: Settings, stage: Stage, last: Stage | None) -> bool:
-    """Tell whether a stage of a run up to `last` is checked on a second mesh; `last` is None where every stage is."""
-    return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
-
-
-def refinement_of(settings: Settings, stage: Stage, last: Stage | None) -> Refinement:
+def mesh_strategy(settings: Settings, stage: Stage, last: Stage | None) -> MeshStrategy:
     """Return how closely a stage of a run up to `last` is solved: certified, on one good mesh, or roughly."""
     if checks_mesh(settings, stage, last):
         return solve_certified
@@ -137,29 +127,13 @@ def optimize(
         SolverCrash: the solver process died.
     """
     deadline = math.inf if timeout is None else time.monotonic() + timeout
-    stages = STAGES[: STAGES.index(until) + 1]
-    source = SourceRun(start_name, start)
-    done = {result.stage: result for result in finished}
-    first = next((optimum.stage for optimum in source.optima(stages)), Stage.POINT_MASS)
-    for stage in STAGES[STAGES.index(first) : STAGES.index(until) + 1]:
-        stage_model(stage, race)  # inputs that contradict each other are reported before anything is solved
-    if any(fidelity_of(stage).inner_controller for stage in wanted_stages(settings, until)):
-        for remark in handling.remarks(race.aircraft):
-            logger.warning("%s: %s", race.aircraft.name, remark)
-    # A run that was started from another one has no stages below its first: what is finished needs them no more.
-    highest = max((STAGES.index(stage) for stage in done), default=-1)
-    remaining = [stage for stage in wanted_stages(settings, until) if STAGES.index(stage) > highest]
-    unchecked = [
-        result.stage
-        for result in finished
-        if result.holds and not result.certified and checks_mesh(settings, result.stage, until)
-    ]
-    if not (remaining or unchecked):
+    source, source_stage = SourceRun(start_name, start), None
+    if start and not finished:
+        source_stage = source.usable_optima(STAGES[: STAGES.index(until) + 1])[0].stage
+    todo = schedule(settings, until, {result.stage: result for result in finished}, source_stage)
+    _ensure_consistent(race, settings, source_stage or Stage.POINT_MASS, until)
+    if not (todo.mesh_checks or todo.stages):
         return
-    if start and not finished:  # from the highest stage of the other run, from lower ones where that fails
-        needed = [first, Stage.POINT_MASS, *STAGES[STAGES.index(first) : STAGES.index(until) + 1], *remaining]
-    else:
-        needed = [*unchecked, *STAGES[max(highest, 0) : highest + 1], *remaining, *done]
     own_plan = plan_race(race)
     service = SolverService(
         threads=threads,
@@ -169,23 +143,49 @@ def optimize(
     )
     session = SolverSession(service, settings, progress, threads, deadline, Budget.from_plan(own_plan, settings.mesh))
     with service, closing(session), _model_maker() as maker:
-        models = StageModels.request(maker, race, settings, own_plan, needed)
+        models = StageModels.request(maker, race, settings, own_plan, todo.models)
         if library_path() is None:
             progress.activity(MISSING, 0, 0)
-        for stage in unchecked:
-            progress.stage_started(stage)
-            done[stage] = check_mesh(models, done[stage], session)
-            yield done[stage]
-        remark = ""
-        if start and not finished:
-            refine = refinement_of(settings, Stage.POINT_MASS, until)
-            result, remark = start_from(source, stages, models, session, refine)
-            if result is not None:
-                result, remark = _with_note(result, remark), ""
-                done[result.stage] = result
-                remaining = list(stages[stages.index(result.stage) + 1 :])
-                yield result
-        yield from _solve_stages(models, session, remaining, done, until, remark)
+        yield from _run(models, session, todo, source, {result.stage: result for result in finished}, until)
+
+
+def _ensure_consistent(race: Race, settings: Settings, first: Stage, until: Stage) -> None:
+    """Refuse inputs that contradict each other before anything is solved, and warn of an aircraft hard to control.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    for stage in STAGES[STAGES.index(first) : STAGES.index(until) + 1]:
+        stage_model(stage, race)
+    if any(fidelity_of(stage).inner_controller for stage in stages_of_run(settings, until)):
+        for remark in handling.remarks(race.aircraft):
+            logger.warning("%s: %s", race.aircraft.name, remark)
+
+
+def _run(
+    models: StageModels,
+    session: SolverSession,
+    todo: Schedule,
+    source: SourceRun,
+    finished: Mapping[Stage, StageResult],
+    until: Stage,
+) -> Iterator[StageResult]:
+    """Check the meshes of finished stages, start from another run, and solve the stages that are left."""
+    done, stages, remark = dict(finished), todo.stages, ""
+    for stage in todo.mesh_checks:
+        session.progress.stage_started(stage)
+        done[stage] = check_stage_mesh(models, done[stage], session)
+        yield done[stage]
+    if todo.source is not None:
+        up_to_last = STAGES[: STAGES.index(until) + 1]
+        strategy = mesh_strategy(session.settings, Stage.POINT_MASS, until)
+        result, remark = start_from(source, up_to_last, models, session, strategy)
+        if result is not None:
+            result, remark = _with_note(result, remark), ""
+            done[result.stage] = result
+            stages = up_to_last[up_to_last.index(result.stage) + 1 :]
+            yield result
+    yield from _solve_stages(models, session, stages, done, until, remark)
 
 
 @contextmanager
@@ -208,23 +208,23 @@ def _solve_stages(
 ) -> Iterator[StageResult]:
     """Solve stages in order until one fails; yield each as it is finished."""
     done = dict(finished)
-    first_flight = None
+    first_solutions = None
     if Stage.HOMOTOPY in done:
-        first_flight = FirstFlight(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_routes(models, session))
+        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_routes(models, session))
     for following in stages[:1]:
         models.preload(following, session.service, _pylon_conditions(done))
     for number, stage in enumerate(stages):
         session.progress.stage_started(stage)
         if not remark:
             session.reset_log()  # failed starts stay in the log of the stage that replaces them
-        refine = refinement_of(session.settings, stage, last)
+        strategy = mesh_strategy(session.settings, stage, last)
         if fidelity_of(stage).guess:
-            first_flight = solve_first_flight(models, session, searches=last is not stage)
-            result = first_flight.homotopy.result
+            first_solutions = solve_homotopy_and_plans(models, session, searches=last is not stage)
+            result = first_solutions.homotopy.result
         elif stage is Stage.POINT_MASS:
-            result = solve_point_mass(models, session, refine, first_flight)
+            result = solve_point_mass(models, session, strategy, first_solutions)
         else:
-            result = solve_stage_above(models, session, refine, stage, done)
+            result = solve_stage_above(models, session, strategy, stage, done)
         done[stage] = result
         result, remark = _with_note(result, remark), ""
         if result.outcome is Status.SOLVED:
@@ -239,7 +239,7 @@ def _solve_stages(
 
 
 @dataclass(frozen=True)
-class FirstFlight:
+class FirstSolutions:
     """The outcome of the homotopy, and of what was solved beside it.
 
     Attributes:
@@ -249,28 +249,28 @@ class FirstFlight:
     """
 
     homotopy: HomotopyOutcome
-    relaxed: RelaxedRoutes
+    relaxed: RelaxedRace
     plans: Sequence[CoarseSolution | None] | None = None
 
 
-def solve_first_flight(models: StageModels, session: SolverSession, *, searches: bool) -> FirstFlight:
+def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, searches: bool) -> FirstSolutions:
     """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it.
 
     With `searches` the point mass follows, which searches for routes.
     """
     relaxed, budget = _relaxed_routes(models, session), BUDGETS.get(session.settings.search)
     if budget is None or not searches:
-        return FirstFlight(_solve_homotopy(models, relaxed, session), relaxed)
+        return FirstSolutions(_solve_homotopy(models, relaxed, session), relaxed)
     jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]]
     jobs = [functools.partial(_solve_homotopy, models, relaxed)]
     starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)
     jobs += [functools.partial(_solve_plan, start) for start in starts]
     homotopy, *plans = session.side_by_side(jobs)
     assert isinstance(homotopy, HomotopyOutcome)
-    return FirstFlight(homotopy, relaxed, [plan for plan in plans if not isinstance(plan, HomotopyOutcome)])
+    return FirstSolutions(homotopy, relaxed, [plan for plan in plans if not isinstance(plan, HomotopyOutcome)])
 
 
-def _solve_homotopy(models: StageModels, relaxed: RelaxedRoutes, session: SolverSession) -> HomotopyOutcome:
+def _solve_homotopy(models: StageModels, relaxed: RelaxedRace, session: SolverSession) -> HomotopyOutcome:
     """Solve phase by phase; given up where legs around a phase that fails are found to be infeasible."""
 
     def race_is_in_conflict() -> bool:
@@ -282,8 +282,8 @@ def _solve_homotopy(models: StageModels, relaxed: RelaxedRoutes, session: Solver
     return solve_homotopy(models.problem(Stage.HOMOTOPY), session, infeasibility_around)
 
 
-def _relaxed_routes(models: StageModels, session: SolverSession) -> RelaxedRoutes:
-    return RelaxedRoutes(models.race, models.problem(Stage.POINT_MASS), session.settings.mesh)
+def _relaxed_routes(models: StageModels, session: SolverSession) -> RelaxedRace:
+    return RelaxedRace(models.race, models.problem(Stage.POINT_MASS), session.settings.mesh)
 
 
 def _solve_plan(planned: InitialGuess, session: SolverSession) -> CoarseSolution | None:
@@ -294,73 +294,73 @@ def _solve_plan(planned: InitialGuess, session: SolverSession) -> CoarseSolution
 
 
 def solve_point_mass(
-    models: StageModels, session: SolverSession, refine: Refinement, first_flight: FirstFlight | None
+    models: StageModels, session: SolverSession, strategy: MeshStrategy, first_solutions: FirstSolutions | None
 ) -> StageResult:
     """Return the point mass's optimum, with alternatives; where there is none, what stands in the way.
 
     Args:
         models: of the race.
         session: solves.
-        refine: how closely.
-        first_flight: the homotopy; None where the plan is the guess.
+        strategy: how closely it is solved.
+        first_solutions: the homotopy; None where the plan is the guess.
     """
-    relaxed = _relaxed_routes(models, session) if first_flight is None else first_flight.relaxed
-    result = _search_and_solve(models, session, refine, first_flight, relaxed)
+    relaxed = _relaxed_routes(models, session) if first_solutions is None else first_solutions.relaxed
+    result = _search_and_solve(models, session, strategy, first_solutions, relaxed)
     return diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
 
 
 def _search_and_solve(
     models: StageModels,
     session: SolverSession,
-    refine: Refinement,
-    first_flight: FirstFlight | None,
-    relaxed: RelaxedRoutes,
+    strategy: MeshStrategy,
+    first_solutions: FirstSolutions | None,
+    relaxed: RelaxedRace,
 ) -> StageResult:
     """Solve from what the search found, then from the homotopy and the plan, the one that the user prefers first."""
     settings, budget = session.settings, BUDGETS.get(session.settings.search)
 
     @functools.cache
     def homotopy() -> HomotopyOutcome:  # where the plan is the guess it is solved only where it is asked for
-        if first_flight is not None:
-            return first_flight.homotopy
+        if first_solutions is not None:
+            return first_solutions.homotopy
         return _solve_homotopy(models, relaxed, session)
 
     replanned = replanned_with_room(models.problem(Stage.POINT_MASS))
-    starts = _first_starts(models, session, first_flight, homotopy, replanned, relaxed)
-    locally_infeasible = first_flight is not None and first_flight.homotopy.infeasibility is not None
-    plans_fail = first_flight is None or not any(first_flight.plans or ())
+    starts = _first_starts(models, session, first_solutions, homotopy, replanned, relaxed)
+    locally_infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
+    plans_fail = first_solutions is None or not any(first_solutions.plans or ())
     if budget is None or (locally_infeasible and plans_fail and replanned is None):
-        return solve_with_refinement(session, starts, refine)
+        return solve_from_starts(session, starts, strategy)
 
     routes = search_routes(
         models.problem(Stage.POINT_MASS),
         models.race.course,
         session,
         budget,
-        _search_starts(models, session, budget, first_flight, homotopy),
+        _search_starts(models, session, budget, first_solutions, homotopy),
         settings.alternatives or 1,
-        solved=(first_flight and first_flight.plans) or (),
+        solved=(first_solutions and first_solutions.plans) or (),
     )
-    best = routes.report(0)
+    best = routes.search_report(0)
     # All routes that may be the fastest are solved; further ones, one by one, until one is as fast as was expected.
-    jobs = [functools.partial(_solve_from, start, refine) for start in routes.starts]
-    count = max(routes.near, settings.alternatives or 1)
+    jobs = [functools.partial(_solve_from, start, strategy) for start in routes.starts]
+    count = max(routes.near_count, settings.alternatives or 1)
     results = session.side_by_side(jobs[:count])
     for job in jobs[count:]:
         if any(_is_as_fast_as_expected(result, best) for result in results):
             break
         results.append(job(session))
     if not any(result.holds for result in results):
-        results.append(solve_with_refinement(session, starts, refine))
+        results.append(solve_from_starts(session, starts, strategy))
 
-    known_routes, fastest_route = len(results), place_of(fastest_of(results), results)
+    known_routes, fastest_route = len(results), index_of(fastest_of(results), results)
     results = with_other_sides(models, results, session)
     results = resolve_near_ties(models, results, session)
     result = choose_and_carry(models, results, settings)
-    route = place_of(result, results)
+    route = index_of(result, results)
     if route >= known_routes:  # past a pylon on its other side, on the route of the fastest before
         route = fastest_route
-    report = routes.report(route) if route < len(routes.starts) else best
+    report = routes.search_report(route) if route < len(routes.starts) else best
     _warn_of_search(result, report, best)
     return replace(_with_log(result, session), search=report)
 
@@ -369,18 +369,18 @@ def _search_starts(
     models: StageModels,
     session: SolverSession,
     budget: SearchBudget,
-    first_flight: FirstFlight | None,
+    first_solutions: FirstSolutions | None,
     homotopy: Callable[[], HomotopyOutcome],
 ) -> list[InitialGuess]:
     """Return the starts of a search, those of a run without a search among them, so that none is lost by it."""
     flight, starts = models.problem(Stage.POINT_MASS), list[InitialGuess]()
-    infeasible = first_flight is not None and first_flight.homotopy.infeasibility is not None
-    if not infeasible and (budget.homotopy or first_flight is not None):
+    infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
+    if not infeasible and (budget.homotopy or first_solutions is not None):
         pieces = homotopy().result
         if pieces.outcome is Status.SOLVED:
             mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
             starts.append(InitialGuess(flight, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
-    plans = None if first_flight is None else first_flight.plans
+    plans = None if first_solutions is None else first_solutions.plans
     if plans is None:
         return [*starts, *plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)]
     return starts if any(plans) else [*starts, *plans_with_room(models.problem(Stage.POINT_MASS), budget)]
@@ -389,10 +389,10 @@ def _search_starts(
 def _first_starts(
     models: StageModels,
     session: SolverSession,
-    first_flight: FirstFlight | None,
+    first_solutions: FirstSolutions | None,
     homotopy: Callable[[], HomotopyOutcome],
     replanned: StageProblem | None,
-    relaxed: RelaxedRoutes,
+    relaxed: RelaxedRace,
 ) -> list[Callable[[], Start | StageResult]]:
     """Return the homotopy and plans as starts, the one that the user prefers first.
 
@@ -401,7 +401,7 @@ def _first_starts(
     flight, mesh = models.problem(Stage.POINT_MASS), session.settings.mesh
 
     def concatenate_phases() -> Start | StageResult:
-        if first_flight is None:  # nor has the plan led anywhere
+        if first_solutions is None:  # nor has the plan led anywhere
             conflict_location(relaxed.solve(session))
         outcome = homotopy()
         pieces = outcome.result
@@ -418,9 +418,9 @@ def _first_starts(
         return Start(flight, problem, iterate_of(pieces.trajectory), InitialBarrier.PIECES)
 
     longer = [] if replanned is None else [functools.partial(planned_start, replanned, mesh)]
-    if first_flight is None:
+    if first_solutions is None:
         return [functools.partial(planned_start, flight, mesh), *longer, concatenate_phases]
-    if first_flight.homotopy.infeasibility is not None:
+    if first_solutions.homotopy.infeasibility is not None:
         return [*longer, concatenate_phases]
     return [concatenate_phases, functools.partial(planned_start, flight, mesh), *longer]
 
@@ -431,8 +431,8 @@ def _infeasible(
     return conclude(flight, session, problem, iterate, outcome=Status.INFEASIBLE, message=message)
 
 
-def _solve_from(start: Start, refine: Refinement, session: SolverSession) -> StageResult:
-    return solve_with_refinement(session, [lambda: start], refine)
+def _solve_from(start: Start, strategy: MeshStrategy, session: SolverSession) -> StageResult:
+    return solve_from_starts(session, [lambda: start], strategy)
 
 
 def _is_as_fast_as_expected(result: StageResult, report: SearchReport) -> bool:
@@ -459,7 +459,7 @@ def _warn_of_search(result: StageResult, report: SearchReport, best: SearchRepor
 def solve_stage_above(
     models: StageModels,
     session: SolverSession,
-    refine: Refinement,
+    strategy: MeshStrategy,
     stage: Stage,
     done: Mapping[Stage, StageResult],
 ) -> StageResult:
@@ -468,7 +468,7 @@ def solve_stage_above(
     Args:
         models: of the race.
         session: solves.
-        refine: how closely.
+        strategy: how closely it is solved.
         stage: which one.
         done: the stages below.
     """
@@ -480,14 +480,14 @@ def solve_stage_above(
     def solve_main(session: SolverSession) -> StageResult | Failure:
         models.preload(stage, session.service, conditions)
         starts = _warm_starts(models, session, stage, below, point_mass)
-        return solve_with_refinement(session, starts, refine, diagnose=diagnose_window)
+        return solve_from_starts(session, starts, strategy, diagnose=diagnose_window)
 
     def solve_alternative(alternative: StageResult, session: SolverSession) -> StageResult | Failure:
         """There is the main route as well: the primary solver alone is asked, and the first optimum counts."""
         models.preload(stage, session.service, conditions)
         result: StageResult | Failure | None = None
         for start in _warm_starts(models, session, stage, alternative, None):
-            result = refine(session, start(), session.solvers[0])
+            result = strategy(session, start(), session.solvers[0])
             if isinstance(result, StageResult):
                 return result
         assert result is not None  # there are starts
@@ -514,7 +514,7 @@ def _warm_starts(
 # Mesh check
 
 
-def check_mesh(models: StageModels, solved: StageResult, session: SolverSession) -> StageResult:
+def check_stage_mesh(models: StageModels, solved: StageResult, session: SolverSession) -> StageResult:
     """Check the mesh of a stage that was solved on a single one, and those of its alternatives.
 
     Of routes that were solved roughly one is chosen anew: their race times could not tell.
@@ -524,7 +524,7 @@ def check_mesh(models: StageModels, solved: StageResult, session: SolverSession)
     """
     session.restore_log(solved.attempts, solved.timings)
     routes = solved, *solved.alternatives
-    main, *alternatives = session.side_by_side([functools.partial(confirm_mesh, models, route) for route in routes])
+    main, *alternatives = session.side_by_side([functools.partial(check_mesh, models, route) for route in routes])
     if any(route.is_rough for route in routes):
         result = choose_and_carry(models, [main, *alternatives], session.settings)
     else:
@@ -572,7 +572,7 @@ def resolve_near_ties(models: StageModels, results: Sequence[StageResult], sessi
     close = [number for number, time in enumerate(times) if time <= longest < math.inf]
     if len(close) <= (session.settings.alternatives or CARRIED_MAX):  # all of them are carried on
         return list(results)
-    checks = [functools.partial(confirm_mesh, models, results[number]) for number in close]
+    checks = [functools.partial(check_mesh, models, results[number]) for number in close]
     checked = list(results)
     for number, result in zip(close, session.side_by_side(checks), strict=True):
         checked[number] = result

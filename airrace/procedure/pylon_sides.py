@@ -5,9 +5,9 @@ import functools
 from collections.abc import Callable, Sequence
 
 from airrace.procedure.choice import SAME_FLIGHT, fastest_of, mesh_resolution
+from airrace.procedure.mesh_loop import Failure, solve_certified
 from airrace.procedure.result import PylonCondition, PylonSide, StageResult
 from airrace.procedure.single_mesh import solve_single_mesh
-from airrace.procedure.solve_and_refine import Failure, solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_models import StageModels
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh
@@ -58,7 +58,7 @@ def on_other_sides(models: StageModels, optimum: StageResult, tried: set[Sides],
     """
     if not optimum.holds:
         return []
-    flight, (mesh, iterate) = models.along(optimum.stage, optimum), coarse_mesh(optimum)
+    flight, (mesh, iterate) = models.problem_along(optimum.stage, optimum), coarse_mesh(optimum)
     if flight.clearance is None:
         return []
     race_time = optimum.trajectory.race_time

@@ -30,23 +30,23 @@ from airrace.optimal_control.trajectory import Array
 from airrace.procedure.choice import fastest_of, simplest_of, with_note_on_faster
 from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.guess import concatenate, phase_piece
-from airrace.procedure.mesh_check import confirm_mesh
-from airrace.procedure.multistart.multistart import RoutesAround, search_around
-from airrace.procedure.pylon_sides import with_other_sides
-from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
-from airrace.procedure.result import NOT_SEARCHED, OPTIMUM, Route, StageProvenance, StageResult
-from airrace.procedure.settings import SearchEffort
-from airrace.procedure.solve_and_refine import (
+from airrace.procedure.mesh_check import check_mesh
+from airrace.procedure.mesh_loop import (
     Failure,
-    Refinement,
-    RefinementState,
+    MeshStrategy,
+    MeshTask,
     carry_multipliers,
     next_until_certified,
     refine,
+    solve_from_starts,
     solve_on_mesh,
-    solve_with_refinement,
-    state_to_certify,
+    task_to_certify,
 )
+from airrace.procedure.mesh_proposals import MeshProposal, bisect_coarse, refine_guess
+from airrace.procedure.multistart.multistart import RoutesAround, search_around
+from airrace.procedure.pylon_sides import with_other_sides
+from airrace.procedure.result import NOT_SEARCHED, OPTIMUM, Route, StageProvenance, StageResult
+from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_models import StageModels, start_along
@@ -103,7 +103,7 @@ def start_from(
     stages: Sequence[Stage],
     models: StageModels,
     session: SolverSession,
-    refine_point_mass: Refinement,
+    point_mass_strategy: MeshStrategy,
 ) -> tuple[StageResult | None, str]:
     """Solve the highest of these stages from another run's optimum of it, and on a faster route if there is one near.
 
@@ -115,7 +115,7 @@ def start_from(
         stages: in the order of rising fidelity, up to the highest one.
         models: of this race.
         session: solves.
-        refine_point_mass: how closely the point mass is solved.
+        point_mass_strategy: how closely the point mass is solved.
 
     Returns:
         The fastest of these optima, as many slower ones as there were alternatives beside it; else that of the point
@@ -148,14 +148,14 @@ def start_from(
     else:
         consequence = f"the start is its {optimum.stage.value}"
         if around is not None and around.phases:
-            faster = _on_other_route(models, session, main, around, source.name, refine_point_mass)
+            faster = _on_other_route(models, session, main, around, source.name, point_mass_strategy)
             flights += [faster] if faster else []
     if flights:
         remark = _remark(source, obstacles, consequence)
         restarted = RestartedFlights(source.name, flights, main, faster, around, len(stored) - 1)
         return _fastest(models, session, restarted, remark)
     if around is not None:
-        point_mass = _refine_route(around, session, refine_point_mass)
+        point_mass = _refine_route(around, session, point_mass_strategy)
         if point_mass.holds:
             point_mass = replace(point_mass, search=around.report)
             return point_mass, _remark(source, obstacles, "the start is what the point mass makes of it")
@@ -234,15 +234,15 @@ def _search_around(
     """
     if session.settings.search is SearchEffort.OFF:
         return None
-    point_mass, source = models.problem(Stage.POINT_MASS), models.along(optimum.stage, optimum)
+    point_mass, source = models.problem(Stage.POINT_MASS), models.problem_along(optimum.stage, optimum)
     return search_around(point_mass, source, optimum, models.race.course, session.settings.mesh, pool)
 
 
-def _refine_route(around: RoutesAround, session: SolverSession, refine_point_mass: Refinement) -> StageResult:
+def _refine_route(around: RoutesAround, session: SolverSession, point_mass_strategy: MeshStrategy) -> StageResult:
     """Return the point mass's optimum on the best route that was found around a flight."""
     best = around.best
     start = Start(best.flight, best.problem, best.iterate, InitialBarrier.COARSE, multipliers=best.multipliers)
-    return solve_with_refinement(session, [lambda: start], refine_point_mass)
+    return solve_from_starts(session, [lambda: start], point_mass_strategy)
 
 
 def _on_other_route(
@@ -251,19 +251,19 @@ def _on_other_route(
     continued: StageResult,
     around: RoutesAround,
     name: str,
-    refine_point_mass: Refinement,
+    point_mass_strategy: MeshStrategy,
 ) -> StageResult | None:
     """Return the optimum of a stage from an optimum with a few legs on a faster route; None if none is certified."""
-    point_mass = _refine_route(around, session, refine_point_mass)
+    point_mass = _refine_route(around, session, point_mass_strategy)
     if continued.stage is Stage.POINT_MASS:
-        point_mass = confirm_mesh(models, point_mass, session)
+        point_mass = check_mesh(models, point_mass, session)
         return point_mass if point_mass.certified else None
     if not point_mass.holds:
         return None
     whole = start_along(models, session, continued.stage, point_mass)
     start = replace(_splice(whole, continued, around.phases, name), iterations_max=ITERATIONS_MAX)
     proposal, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
-    first = state_to_certify(session, start.flight, proposal, start.barrier, (primary,), None)
+    first = task_to_certify(session, start.flight, proposal, start.barrier, (primary,), None)
     result = refine(session, start, replace(first, purpose="on another route"), next_until_certified)
     return result if isinstance(result, StageResult) and result.certified else None
 
@@ -294,10 +294,10 @@ def _from_optimum(models: StageModels, session: SolverSession, optimum: StageRes
     """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
     stored = _in_order_of(models.problem(optimum.stage), optimum)
     assert stored is not None  # there would be an obstacle
-    flight = models.along(optimum.stage, optimum)
+    flight = models.problem_along(optimum.stage, optimum)
     start, finer = _start(flight, optimum, stored, name)
     primary = session.solvers[0]
-    reference = RefinementState(
+    reference = MeshTask(
         flight,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
@@ -319,7 +319,7 @@ def _from_optimum(models: StageModels, session: SolverSession, optimum: StageRes
         proposal = refine_guess(proposal, flight.problem(proposal.mesh), session.settings.certificate)
         multipliers = coarse.carry(proposal)
         number, coarser = min(1, session.settings.mesh.refinements_max), coarse.optimum
-    first = state_to_certify(
+    first = task_to_certify(
         session,
         flight,
         proposal,
@@ -340,7 +340,7 @@ def _obstacle(models: StageModels, optimum: StageResult) -> str:
     """Return a clause that says why no stage can be started from an optimum; empty if one can."""
     if _in_order_of(models.problem(optimum.stage), optimum) is None:
         return "which flies other equations, no start was made"
-    if other_way := _other_way(models.along(optimum.stage, optimum), optimum):
+    if other_way := _other_way(models.problem_along(optimum.stage, optimum), optimum):
         return f"which passes {other_way} the other way than is planned now, no start was made"
     return ""
 

@@ -1,6 +1,6 @@
 """The joint optimum of a stage on a single mesh: with all that a certificate measures but the second mesh, or rough.
 
-The loop is that of `solve_and_refine.py`; what decides on the next mesh stands here.
+The loop is that of `mesh_loop.py`; what decides on the next mesh stands here.
 """
 
 import math
@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.procedure.refinement import (
+from airrace.procedure.mesh_loop import Failure, MeshTask, SolvedMesh, adapt_joining, refine
+from airrace.procedure.mesh_proposals import (
     BISECT_ALL_ABOVE,
     ROUGH_TOLERANCE,
     MeshProposal,
@@ -17,7 +18,6 @@ from airrace.procedure.refinement import (
     refine_predicted,
 )
 from airrace.procedure.result import StageResult
-from airrace.procedure.solve_and_refine import Failure, RefinementState, SolvedMesh, adapt_joining, refine
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.warm_start import InitialBarrier, Start
 
@@ -30,7 +30,7 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     that is certified.
     """
     loose_tolerance = 0.0 if start.barrier.near_optimum else _loose_tolerance(session, 0)
-    return refine(session, start, _uncompared_state(start, solver, loose_tolerance), next_until_good)
+    return refine(session, start, _uncompared_task(start, solver, loose_tolerance), next_until_good)
 
 
 def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
@@ -39,11 +39,11 @@ def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageRes
     Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
     as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
     """
-    return refine(session, start, _uncompared_state(start, solver, ROUGH_TOLERANCE), next_until_usable)
+    return refine(session, start, _uncompared_task(start, solver, ROUGH_TOLERANCE), next_until_usable)
 
 
-def _uncompared_state(start: Start, solver: str, loose_tolerance: float) -> RefinementState:
-    return RefinementState(
+def _uncompared_task(start: Start, solver: str, loose_tolerance: float) -> MeshTask:
+    return MeshTask(
         start.flight,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
@@ -54,9 +54,9 @@ def _uncompared_state(start: Start, solver: str, loose_tolerance: float) -> Refi
     )
 
 
-def next_until_usable(solved: SolvedMesh) -> RefinementState | None:
+def next_until_usable(solved: SolvedMesh) -> MeshTask | None:
     """Return the next mesh; None if the next stage can start from the present optimum."""
-    if solved.state.loose_tolerance and solved.certificate.holds:
+    if solved.task.loose_tolerance and solved.certificate.holds:
         return None
     return next_until_good(solved)
 
@@ -65,30 +65,30 @@ def _loose_tolerance(session: SolverSession, number: int) -> float:
     return ROUGH_TOLERANCE if number < session.settings.mesh.refinements_max else 0.0
 
 
-def next_until_good(solved: SolvedMesh) -> RefinementState | None:
+def next_until_good(solved: SolvedMesh) -> MeshTask | None:
     """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
-    optimum, state, session = solved.optimum, solved.state, solved.session
-    better = adapt_joining(solved) if state.loose_tolerance else None
+    optimum, task, session = solved.optimum, solved.task, solved.session
+    better = adapt_joining(solved) if task.loose_tolerance else None
     good = better or _good_mesh(solved)
     same_mesh = not good and solved.violates_clearance()
-    if not (state.loose_tolerance or good or same_mesh):
+    if not (task.loose_tolerance or good or same_mesh):
         return None
     # Where the mesh was good already, it is solved on closely.
-    proposal = good or replace(state.proposal, guess=optimum.iterate)
+    proposal = good or replace(task.proposal, guess=optimum.iterate)
     flight, proposal = solved.place_clearance_constraints(proposal)
     return replace(
-        state,
+        task,
         flight=flight,
         proposal=proposal,
         barrier=InitialBarrier.COARSER_MESH if better and not solved.violates_clearance() else solved.barrier,
         solvers=session.solvers,
         multipliers=solved.carry(proposal, flight),
-        number=state.number + (not same_mesh),
-        clearance_rounds=state.clearance_rounds + same_mesh,
+        number=task.number + (not same_mesh),
+        clearance_rounds=task.clearance_rounds + same_mesh,
         nodes_beside_passings=solved.nodes_beside_passings,
         violating=solved if same_mesh else None,
         before=optimum,
-        loose_tolerance=_loose_tolerance(session, state.number + 1) if better else 0.0,
+        loose_tolerance=_loose_tolerance(session, task.number + 1) if better else 0.0,
     )
 
 

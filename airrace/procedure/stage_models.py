@@ -73,7 +73,7 @@ class StageModels:
         """
         return self.problems[stage].result()
 
-    def along(self, stage: Stage, optimum: StageResult) -> StageProblem:
+    def problem_along(self, stage: Stage, optimum: StageResult) -> StageProblem:
         """Return the problem of a stage, planned as an optimum goes round."""
         flight = self.problem(stage)
         route = plan_from_solution(self.race.course, flight.plan.cruise, optimum.trajectory)
@@ -92,7 +92,7 @@ class StageModels:
 
 def start_along(models: StageModels, session: SolverSession, stage: Stage, below: StageResult) -> Start:
     """Return the start of a stage along the optimum of a lower one."""
-    flight, source = models.along(stage, below), models.along(below.stage, below)
+    flight, source = models.problem_along(stage, below), models.problem_along(below.stage, below)
     if flight.fidelity.warm_start.same_dynamics_as is below.stage:
         return map_controls(flight, source, below)
     session.progress.activity(f"flying along the optimum of {below.stage.value} by error feedback", 0, 0)
@@ -102,7 +102,7 @@ def start_along(models: StageModels, session: SolverSession, stage: Stage, below
 
 def start_trimmed(models: StageModels, stage: Stage, optimum: StageResult) -> Start:
     """Return the start of a stage trimmed, node by node, in the optimum of a lower one."""
-    flight, source = models.along(stage, optimum), models.along(optimum.stage, optimum)
+    flight, source = models.problem_along(stage, optimum), models.problem_along(optimum.stage, optimum)
     with SYMBOLS, defer_signals():
         return trimmed_start(flight, source, optimum)
 

@@ -15,12 +15,12 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
-from airrace.procedure.mesh_check import check_mesh_convergence
+from airrace.procedure.mesh_check import solve_on_second_mesh
+from airrace.procedure.mesh_loop import carry_multipliers, solve_from_starts
 from airrace.procedure.planning.plan import plan_race
 from airrace.procedure.result import Silent, StageProvenance, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.single_mesh import solve_single_mesh
-from airrace.procedure.solve_and_refine import carry_multipliers, solve_with_refinement
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage_problem import (
     OtherStructureError,
@@ -106,7 +106,7 @@ class WarmStage:
 
         def check() -> StageResult:
             with closing(self._session(self._settings, self._checker)) as session:
-                checked = check_mesh_convergence(flight, solved, session)
+                checked = solve_on_second_mesh(flight, solved, session)
             return checked if isinstance(checked, StageResult) else solved
 
         return check
@@ -155,7 +155,7 @@ class WarmStage:
         provenance = StageProvenance(source_stage=optimum.stage.value)
         start = Start(flight, flight.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, start_multipliers)
         with closing(self._session(settings, self._service)) as session:
-            return solve_with_refinement(session, [lambda: start], solve_single_mesh)
+            return solve_from_starts(session, [lambda: start], solve_single_mesh)
 
     def _session(self, settings: Settings, service: SolverService) -> SolverSession:
         return SolverSession(service, settings, Silent(), self._threads, budget=replace(self._budget))

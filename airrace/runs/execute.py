@@ -15,8 +15,8 @@ from airrace.files.checkpoint import ReserveAttempt, write_checkpoint
 from airrace.files.inputs.rules import ReserveEntry
 from airrace.flights.results.comparison import Comparison
 from airrace.procedure import procedure
-from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
+from airrace.procedure.schedule import checks_mesh
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free

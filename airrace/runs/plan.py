@@ -21,9 +21,9 @@ from airrace.model.track.course import Course
 from airrace.options import AircraftGiven, SettingsGiven, TrackGiven, Values
 from airrace.procedure import procedure
 from airrace.procedure.formulation import ensure_same_passings, passings_of
-from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult, Status
+from airrace.procedure.schedule import checks_mesh
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
 from airrace.race import Race

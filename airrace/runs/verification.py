@@ -23,8 +23,8 @@ from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure import procedure
 from airrace.procedure.fidelity import fidelity_of
-from airrace.procedure.procedure import wanted_stages
 from airrace.procedure.result import HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
+from airrace.procedure.schedule import stages_of_run
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.json_objects import certificate_object
@@ -215,10 +215,10 @@ def missing_stages(settings: Settings, results: Sequence[StageResult]) -> str:
     if not results:
         return ""
     stored, first = [result.stage for result in results], results[0]
-    wanted = wanted_stages(settings, results[-1].stage)
+    expected = stages_of_run(settings, results[-1].stage)
     if first.provenance.source_run:
-        wanted = wanted[wanted.index(first.stage) :] if first.stage in wanted else wanted
-    missing = ", ".join(stage.value for stage in wanted if stage not in stored)
+        expected = expected[expected.index(first.stage) :] if first.stage in expected else expected
+    missing = ", ".join(stage.value for stage in expected if stage not in stored)
     return f"what it was started from is missing: {missing}" if missing else ""
 
 

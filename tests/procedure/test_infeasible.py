@@ -38,7 +38,7 @@ from airrace.procedure import procedure
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, HomotopyOutcome, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import (
-    RelaxedRoutes,
+    RelaxedRace,
 )
 from airrace.procedure.infeasibility.local_infeasibility import (
     WINDOWS_MAX,
@@ -46,11 +46,11 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
+from airrace.procedure.mesh_loop import solve_certified
 from airrace.procedure.planning.parameters import relaxable_parameters
-from airrace.procedure.procedure import FirstFlight, solve_first_flight, solve_point_mass
+from airrace.procedure.procedure import FirstSolutions, solve_homotopy_and_plans, solve_point_mass
 from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
-from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.race import Race
@@ -340,12 +340,12 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     plans = 4 if search is SearchEffort.QUICK else 0  # solved beside the homotopy, which finds it out
     verdicts = (*before, *found_out, *["stuck"] * plans, "stuck", "solved")
     used = SolverSession(Canned(*verdicts), chosen, Silent())
-    models, first_flight = models_of(SMALL, chosen, Stage.HOMOTOPY), None
+    models, first_solutions = models_of(SMALL, chosen, Stage.HOMOTOPY), None
     if kind is GuessKind.HOMOTOPY:
-        first_flight = solve_first_flight(models, used, searches=True)
-        assert first_flight.homotopy.result.outcome is Status.SOLVED
+        first_solutions = solve_homotopy_and_plans(models, used, searches=True)
+        assert first_solutions.homotopy.result.outcome is Status.SOLVED
         used.reset_log()
-    result = solve_point_mass(models, used, solve_certified, first_flight)
+    result = solve_point_mass(models, used, solve_certified, first_solutions)
     assert result.outcome is Status.INFEASIBLE
     assert result.stage is Stage.POINT_MASS
     first = result.trajectory.phases[0]
@@ -380,14 +380,14 @@ def test_a_homotopy_with_phases_that_fail_asks_for_conflicts_whether_or_not_it_w
     chosen = settings(GuessKind.HOMOTOPY, search=SearchEffort.OFF)
     used = SolverSession(Canned("stuck", "solved", "stuck"), chosen, Silent())
     models = models_of(SMALL, chosen, Stage.HOMOTOPY)
-    first_flight = solve_first_flight(models, used, searches=True)
-    pieces = first_flight.homotopy.result
+    first_solutions = solve_homotopy_and_plans(models, used, searches=True)
+    pieces = first_solutions.homotopy.result
     assert pieces.remarks.startswith("left as planned: ")
     if from_file:
-        relaxed = RelaxedRoutes(SMALL, models.problem(Stage.POINT_MASS), chosen.mesh)
-        first_flight = FirstFlight(HomotopyOutcome(pieces), relaxed)
+        relaxed = RelaxedRace(SMALL, models.problem(Stage.POINT_MASS), chosen.mesh)
+        first_solutions = FirstSolutions(HomotopyOutcome(pieces), relaxed)
     used.reset_log()
-    result = solve_point_mass(models, used, solve_certified, first_flight)
+    result = solve_point_mass(models, used, solve_certified, first_solutions)
     assert result.outcome is Status.INFEASIBLE
     assert not [one.purpose for one in result.attempts if one.purpose.startswith("all ")]
 
@@ -405,7 +405,7 @@ class Told(Silent):
 def test_the_search_for_conflicts_ends_with_its_budget_and_says_what_it_is() -> None:
     used = session("stuck")
     used.progress = watched = Told()
-    routes = RelaxedRoutes(SMALL, prepared(SMALL), used.settings.mesh)
+    routes = RelaxedRace(SMALL, prepared(SMALL), used.settings.mesh)
     routes.budget.work = 1.0
     assert set(routes.solve(used)) == {None}
     assert len(asked(used)) == 1

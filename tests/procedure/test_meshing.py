@@ -19,11 +19,10 @@ from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.system import System
-from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.refinement import (
+from airrace.procedure.mesh_proposals import (
     COARSEN_BELOW,
     PARTS_MAX,
     MeshProposal,
@@ -454,12 +453,12 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
 def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
     growth: float, refined: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(solve_and_refine, "GROWTH_MAX", growth)
-    monkeypatch.setattr(solve_and_refine, "GROWTH_FROM", 0)
+    monkeypatch.setattr(mesh_loop, "GROWTH_MAX", growth)
+    monkeypatch.setattr(mesh_loop, "GROWTH_FROM", 0)
     flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:
-        found = solve_and_refine.solve_certified(SolverSession(service, PLAN, Silent()), start, "interior-point")
+        found = mesh_loop.solve_certified(SolverSession(service, PLAN, Silent()), start, "interior-point")
     assert isinstance(found, StageResult)
     assert found.certified is refined
 
@@ -470,7 +469,7 @@ def test_an_optimum_too_slow_to_be_of_use_is_refined_no_more(race_time_max: floa
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
-        found = solve_and_refine.solve_certified(session, replace(start, race_time_max=race_time_max), "interior-point")
+        found = mesh_loop.solve_certified(session, replace(start, race_time_max=race_time_max), "interior-point")
     assert isinstance(found, StageResult)
     assert found.certified is refined
     assert (len(session.attempts) > 1) is refined
@@ -481,7 +480,7 @@ def test_the_first_solve_has_the_iterations_of_its_start() -> None:
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD, iterations_max=3)
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
-        assert isinstance(solve_and_refine.solve_certified(session, start, "interior-point"), solve_and_refine.Failure)
+        assert isinstance(mesh_loop.solve_certified(session, start, "interior-point"), mesh_loop.Failure)
     assert [one.iterations <= 4 for one in session.attempts] == [True]
 
 

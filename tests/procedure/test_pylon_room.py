@@ -21,12 +21,12 @@ from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
+from airrace.procedure.mesh_loop import solve_certified
 from airrace.procedure.planning.clearance import LEAST_CLEARANCE, PylonPost, closest_approaches, wing_distance
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.recomputation import recertify
 from airrace.procedure.result import PylonSide, Silent, StageResult
 from airrace.procedure.settings import SearchEffort
-from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of

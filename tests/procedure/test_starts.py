@@ -9,13 +9,12 @@ from test_solving import STALLED, Canned, asked
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.mesh_loop import solve_certified, solve_from_starts
 from airrace.procedure.procedure import solve_stage_above
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.solve_and_refine import solve_certified, solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
@@ -28,7 +27,7 @@ def flights_that_fly_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
     def certify(problem: Problem, iterate: Iterate, evidence: Evidence, *_: object, **__: object) -> Certificate:
         return Certificate("canned", (*evidence.check.items, Item(RACE_TIME_CHANGE, 0.0, 5e-3, "s")))
 
-    monkeypatch.setattr(solve_and_refine, "certify", certify)
+    monkeypatch.setattr(mesh_loop, "certify", certify)
 
 
 def canned(*verdicts: str) -> SolverSession:
@@ -69,7 +68,7 @@ def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], 
 
         return make
 
-    result = solve_with_refinement(used, [maker(number) for number in range(len(starts))])
+    result = solve_from_starts(used, [maker(number) for number in range(len(starts))])
     return result, made, [solver for solver, _, _ in asked(used)]
 
 

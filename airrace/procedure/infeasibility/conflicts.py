@@ -107,7 +107,7 @@ class Repair:
         return self.parameter.set(race, self.value(1))
 
 
-class RelaxedRoutes:
+class RelaxedRace:
     """A race relaxed along its plan, then along the plan of a milder race.
 
     Each is solved on demand, within the budget of the search for conflicts. A

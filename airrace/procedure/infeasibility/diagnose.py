@@ -19,15 +19,15 @@ from airrace.procedure.infeasibility.conflicts import (
     KINDS,
     MARGINS,
     ConflictSearch,
-    RelaxedRoutes,
+    RelaxedRace,
     Repair,
     conflict_location,
 )
 from airrace.procedure.infeasibility.elastic import Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
+from airrace.procedure.mesh_loop import solve_certified
 from airrace.procedure.result import StageResult, Status, SuggestedChange
 from airrace.procedure.settings import SearchEffort
-from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import INTERVALS_MIN, Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, formulate, mesh_of
@@ -47,7 +47,7 @@ TIGHTENING_WORK = 2.0
 
 
 def diagnose_infeasibility(
-    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes | None = None
+    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRace | None = None
 ) -> StageResult:
     """Return an infeasible stage with its diagnosis; or the flight, if there is one after all.
 
@@ -60,7 +60,7 @@ def diagnose_infeasibility(
     """
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
-    routes = routes or RelaxedRoutes(race, flight, session.settings.mesh)
+    routes = routes or RelaxedRace(race, flight, session.settings.mesh)
     with limited_session(session, session.budget.reserve_for_diagnosis()) as limited:
         diagnosis = _diagnose(result, race, flight, limited, routes)
     record = tuple(session.attempts), session.timings()
@@ -75,7 +75,7 @@ def diagnose_infeasibility(
 
 
 def _diagnose(
-    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes
+    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRace
 ) -> StageResult | tuple[str, tuple[SuggestedChange, ...]]:
     """Return the flight, if there is one after all; else the conflicts in words, and the changes that resolve them.
 

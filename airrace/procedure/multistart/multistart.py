@@ -70,13 +70,13 @@ class FoundRoutes:
 
     Attributes:
         starts: flights to be refined and checked, the best first; empty if no start converged.
-        report: returns the report on the search, compared with the start of that number.
-        near: how many of the first starts may be the fastest, as far as their rough race times tell.
+        search_report: returns the report on the search, compared with the start of that number.
+        near_count: how many of the first starts may be the fastest, as far as their rough race times tell.
     """
 
     starts: tuple[Start, ...]
-    report: Callable[[int], SearchReport]
-    near: int = 1
+    search_report: Callable[[int], SearchReport]
+    near_count: int = 1
 
 
 def search_routes(
@@ -116,7 +116,7 @@ def search_routes(
         result = search.result()
     seconds = time.perf_counter() - began
 
-    def report(number: int) -> SearchReport:
+    def search_report(number: int) -> SearchReport:
         if not finals:
             return SearchReport((), 0, 0, result.failed, seconds, ())
         pace = budget.planning_radius.scale(flight.plan.cruise)
@@ -127,7 +127,7 @@ def search_routes(
         Start(flight.flight, flight.problem, flight.iterate, barrier, multipliers=flight.multipliers)
         for flight in finals
     )
-    return FoundRoutes(routes, report, sum(_is_near(flight, finals[0]) for flight in finals))
+    return FoundRoutes(routes, search_report, sum(_is_near(flight, finals[0]) for flight in finals))
 
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:

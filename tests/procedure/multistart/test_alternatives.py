@@ -16,13 +16,13 @@ from search_races import optimum as search_optimum
 from airrace.files.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import mesh_check, procedure, pylon_sides
 from airrace.procedure.homotopy import HomotopyOutcome
+from airrace.procedure.mesh_loop import Failure, solve_certified
 from airrace.procedure.multistart.multistart import FoundRoutes
-from airrace.procedure.procedure import CARRIED_LAG, check_mesh, optimize, solve_point_mass, solve_stage_above
+from airrace.procedure.procedure import CARRIED_LAG, check_stage_mesh, optimize, solve_point_mass, solve_stage_above
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.single_mesh import solve_single_mesh as real_single_mesh
-from airrace.procedure.solve_and_refine import Failure, solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_models import StageModels
@@ -91,7 +91,7 @@ def stage_above(
 ) -> tuple[StageResult, int]:
     """The stage above the point mass, whose best route takes 9 s, and how often its alternative was solved."""
     left = list(of_alternative)
-    monkeypatch.setattr(procedure, "solve_with_refinement", Answers(main or taking(9.0), making=False))
+    monkeypatch.setattr(procedure, "solve_from_starts", Answers(main or taking(9.0), making=False))
     for name in ("start_along", "start_trimmed"):
         monkeypatch.setattr(procedure, name, lambda *_: None)
     models = models_of(HALF_CUBAN, settings, Stage.TRANSFER_FUNCTION)
@@ -117,10 +117,10 @@ def test_of_rough_routes_that_a_run_now_ends_with_the_faster_one_is_chosen_once_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     times = {9.0: taking(8.99), 9.02: taking(8.96)}
-    monkeypatch.setattr(mesh_check, "check_mesh_convergence", lambda _, optimum, __: times[round(seconds(optimum), 3)])
+    monkeypatch.setattr(mesh_check, "solve_on_second_mesh", lambda _, optimum, __: times[round(seconds(optimum), 3)])
     rough = dataclasses.replace(solve_roughly(taking(9.0)), alternatives=(solve_roughly(taking(9.02)),))
     with open_session(BOTH) as session:
-        result = check_mesh(models_of(SMALL, BOTH), rough, session)
+        result = check_stage_mesh(models_of(SMALL, BOTH), rough, session)
     assert result.certified
     assert seconds(result) == pytest.approx(8.96)
     assert [seconds(one) for one in result.alternatives] == [pytest.approx(8.99)]
@@ -185,7 +185,7 @@ def first_stage(
     coarse = planned_coarse_solution(SMALL)
     starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
-    monkeypatch.setattr(procedure, "solve_with_refinement", answers)
+    monkeypatch.setattr(procedure, "solve_from_starts", answers)
     routes = FoundRoutes(starts, lambda _: search, near)
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
     monkeypatch.setattr(procedure, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
@@ -209,9 +209,9 @@ def test_routes_that_rough_times_do_not_rank_are_all_certified_and_one_that_is_h
     assert asked == [[one] for one in found[:3]]
     assert seconds(result) == pytest.approx(9.0)
     assert [seconds(one) for one in result.alternatives] == [pytest.approx(9.03)]
-    alone, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.06), taking(9.0), near=2)
+    alone, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.06), taking(9.0), near_count=2)
     assert alone.alternatives == ()
-    same, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.0), taking(9.0001), near=2)
+    same, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.0), taking(9.0001), near_count=2)
     assert same.alternatives == ()
 
 
@@ -230,7 +230,7 @@ def test_routes_are_compared_with_the_certified_one(monkeypatch: pytest.MonkeyPa
     coarse = planned_coarse_solution(SMALL)
     starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
     told = [SearchReport(routes=(Route(text, 9.0, 0.0, "joint"),)) for text in ("first", "second")]
-    monkeypatch.setattr(procedure, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05)))
+    monkeypatch.setattr(procedure, "solve_from_starts", Answers(taking(9.0, certified=False), taking(9.05)))
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: FoundRoutes(starts, told.__getitem__))
     with open_session(QUICK) as session:
         result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
@@ -275,11 +275,11 @@ def close_together(
         asked.append(round(seconds(optimum), 3))
         return checks[asked[-1]]
 
-    left, routes = list(verdicts), FoundRoutes(starts, lambda _: NOT_SEARCHED, near=2)
-    monkeypatch.setattr(procedure, "solve_with_refinement", lambda *_, **__: left.pop(0))
+    left, routes = list(verdicts), FoundRoutes(starts, lambda _: NOT_SEARCHED, near_count=2)
+    monkeypatch.setattr(procedure, "solve_from_starts", lambda *_, **__: left.pop(0))
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
     monkeypatch.setattr(procedure, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
-    monkeypatch.setattr(mesh_check, "check_mesh_convergence", answered)
+    monkeypatch.setattr(mesh_check, "solve_on_second_mesh", answered)
     with open_session(two) as session:
         result = solve_point_mass(models_of(SMALL, two, Stage.HOMOTOPY), session, real_single_mesh, None)
     return result, asked

@@ -27,6 +27,7 @@ from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.optimal_control.trajectory import Trajectory
 from airrace.pages.views.stage_tables import claim, search_table
 from airrace.procedure import procedure, restart
+from airrace.procedure.mesh_loop import solve_certified
 from airrace.procedure.multistart import search
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.moves import MoveGenerator
@@ -38,7 +39,6 @@ from airrace.procedure.multistart.window import EvaluatedMove
 from airrace.procedure.procedure import optimize, solve_point_mass
 from airrace.procedure.result import Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.settings import MeshSettings, SearchEffort, Settings
-from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.warm_start import InitialBarrier

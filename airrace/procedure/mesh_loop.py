@@ -29,9 +29,7 @@ from airrace.procedure.certification import (
     examine,
     failures,
 )
-from airrace.procedure.planning.clearance import ClosestApproach
-from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
-from airrace.procedure.refinement import (
+from airrace.procedure.mesh_proposals import (
     ADAPTATIONS_MAX,
     CLEARANCE_ROUNDS_MAX,
     CLEARANCE_SAFETY,
@@ -47,6 +45,8 @@ from airrace.procedure.refinement import (
     refine_flagged,
     rough_limits,
 )
+from airrace.procedure.planning.clearance import ClosestApproach
+from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, regularisation_share
@@ -65,7 +65,7 @@ class Failure:
     coarser: MeshSolution | None = None
 
 
-Refinement = Callable[[SolverSession, Start, str], StageResult | Failure]
+MeshStrategy = Callable[[SolverSession, Start, str], StageResult | Failure]
 """A way from a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted."""
 
 Diagnosis = Callable[[SolverSession, Problem, Iterate, Iterate, str], str | None]
@@ -73,51 +73,52 @@ Diagnosis = Callable[[SolverSession, Problem, Iterate, Iterate, str], str | None
 on the limits that contradict each other; None where none do."""
 
 
-def solve_with_refinement(
+def solve_from_starts(
     session: SolverSession,
     starts: Sequence[Callable[[], Start | StageResult]],
-    refine: Refinement | None = None,
+    strategy: MeshStrategy,
     *,
     diagnose: Diagnosis | None = None,
 ) -> StageResult:
-    """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
+    """Return the optimum that holds; if there is none, an optimum that does not, or why there is none.
 
     Args:
         session: what solves.
         starts: in the order in which they are tried; each is made when its turn comes. One that finds out meanwhile
             that there is no flight is a result, and the end; one with the guess of an earlier one is left out.
-        refine: leads from a start to an optimum; None for `solve_certified`.
+        strategy: leads from a start to an optimum.
         diagnose: looks for what stands in the way where there is no flight.
     """
-    refine = refine or solve_certified
     made: list[Start] = []
     uncertified: dict[int, StageResult] = {}
     failures: list[Failure] = []
     for solver in session.solvers:
-        for number, make in enumerate(starts):
+        for number, make_start in enumerate(starts):
             if number in uncertified:
-                continue  # another solver would find the same optimum
+                continue  # another solver would lead to the same optimum
             if number == len(made):
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
-                begun = make()
-                if isinstance(begun, StageResult):
-                    return begun
-                made.append(begun)
-            if any(made[number].has_guess_of(before) for before in made[:number]):
+                start = make_start()
+                if isinstance(start, StageResult):
+                    return start
+                made.append(start)
+            if any(made[number].has_guess_of(earlier) for earlier in made[:number]):
                 continue
-            found = refine(session, made[number], solver)
-            if isinstance(found, Failure):
-                failures.append(found)
-            elif found.holds:
-                return found
+            result = strategy(session, made[number], solver)
+            if isinstance(result, Failure):
+                failures.append(result)
+            elif result.holds:
+                return result
             else:
-                uncertified[number] = found
-    return next(iter(uncertified.values())) if uncertified else _failure_result(session, failures, diagnose)
+                uncertified[number] = result
+    if uncertified:
+        return next(iter(uncertified.values()))
+    return _failure_result(session, failures, diagnose)
 
 
 @dataclass(frozen=True)
-class RefinementState:
+class MeshTask:
     """The mesh to be solved on next, and how.
 
     Attributes:
@@ -154,7 +155,7 @@ class RefinementState:
     clearance_rounds: int = 0
     nodes_beside_passings: bool = False
     violating: "SolvedMesh | None" = None
-    then: "RefinementState | None" = None
+    then: "MeshTask | None" = None
 
 
 @dataclass(frozen=True)
@@ -162,14 +163,14 @@ class SolvedMesh:
     """A mesh that was solved on: the optimum on it, and the solution that it was made of."""
 
     session: SolverSession
-    state: RefinementState
+    task: MeshTask
     solution: Solution
     optimum: MeshSolution
 
     @property
     def flight(self) -> StageProblem:
         """Whose problem was stated."""
-        return self.state.flight
+        return self.task.flight
 
     @cached_property
     def approaches(self) -> list[ClosestApproach]:
@@ -216,11 +217,11 @@ class SolvedMesh:
             share: of the certificate's limit that is allowed.
         """
         limits, pylons = self.session.settings.certificate, self.pylons
-        if pylons is None or self.state.clearance_rounds >= CLEARANCE_ROUNDS_MAX:
+        if pylons is None or self.task.clearance_rounds >= CLEARANCE_ROUNDS_MAX:
             return False
-        before = self.state.violating and self.state.violating.pylons
+        before = self.task.violating and self.task.violating.pylons
         excess = pylons.is_excessive and (before is None or pylons.excess < EXCESS_LEFT_MAX * before.excess)
-        drifts = self.nodes_beside_passings and not self.state.nodes_beside_passings
+        drifts = self.nodes_beside_passings and not self.task.nodes_beside_passings
         return pylons.violation > share * limits.gate_length or excess or drifts
 
     @cached_property
@@ -229,7 +230,7 @@ class SolvedMesh:
         limit = self.session.settings.certificate.hamiltonian
         is_beside = self.pylons is not None and self.pylons.is_beside
         drifts = is_beside and float(self.optimum.evidence.drift.max()) > limit
-        return self.state.nodes_beside_passings or drifts
+        return self.task.nodes_beside_passings or drifts
 
     @property
     def barrier(self) -> InitialBarrier:
@@ -240,9 +241,9 @@ class SolvedMesh:
     @cached_property
     def certificate(self) -> Certificate:
         """The certificate of the optimum."""
-        optimum, solution, coarser = self.optimum, self.solution, self.state.coarser
+        optimum, solution, coarser = self.optimum, self.solution, self.task.coarser
         claim, status = Item("solver", 0.0, 0.0, "", solution.status), f"{solution.solver}: {solution.status}"
-        if self.state.loose_tolerance:
+        if self.task.loose_tolerance:
             return certify_rough(
                 optimum.problem,
                 optimum.iterate,
@@ -252,7 +253,7 @@ class SolvedMesh:
                 status=status,
                 kkt_error=solution.kkt.largest,
             )
-        without = math.nan if self.state.compares else None
+        without = math.nan if self.task.compares else None
         return certify(
             optimum.problem,
             optimum.iterate,
@@ -272,15 +273,15 @@ class SolvedMesh:
         return carry_multipliers(self.solution.multipliers, self.optimum.problem, problem)
 
 
-NextMesh = Callable[[SolvedMesh], RefinementState | None]
+MeshDecision = Callable[[SolvedMesh], MeshTask | None]
 """The decision on the mesh that follows another one; None where none does."""
 
 
 def refine(
     session: SolverSession,
     start: Start,
-    first: RefinementState,
-    next_mesh: NextMesh,
+    first: MeshTask,
+    decide: MeshDecision,
     *,
     first_intervals: int | None = None,
 ) -> StageResult | Failure:
@@ -289,60 +290,60 @@ def refine(
     Args:
         start: where the first mesh comes from.
         first: the first mesh.
-        next_mesh: decides on the next one.
+        decide: on the mesh that follows.
         first_intervals: of a mesh before, from which the growth of meshes is counted.
     """
     intervals = first_intervals or first.proposal.intervals
     intervals_max = GROWTH_MAX * max(intervals, GROWTH_FROM)
-    state, iterations_max = first, start.iterations_max
+    task, iterations_max = first, start.iterations_max
     while True:
-        solved = solve_on_mesh(session, start, state, iterations_max)
+        solved = solve_on_mesh(session, start, task, iterations_max)
         if isinstance(solved, Failure):
-            if state.violating is None:
+            if task.violating is None:
                 return solved
-            return _finish(start, _with_curvature(state.violating))
-        if solved.optimum.race_time > start.race_time_max or state.number == session.settings.mesh.refinements_max:
+            return _finish(start, _with_curvature(task.violating))
+        if solved.optimum.race_time > start.race_time_max or task.number == session.settings.mesh.refinements_max:
             break
-        following = next_mesh(solved)
+        following = decide(solved)
         if following is None:
             break
         # Where a limit is missed on every mesh, ever more intervals would be cut.
-        if following.number > state.number and solved.optimum.problem.intervals > intervals_max:
+        if following.number > task.number and solved.optimum.problem.intervals > intervals_max:
             break
-        state, iterations_max = following, None
+        task, iterations_max = following, None
     return _finish(start, solved)
 
 
 def solve_on_mesh(
-    session: SolverSession, start: Start, state: RefinementState, iterations_max: int | None = None
+    session: SolverSession, start: Start, task: MeshTask, iterations_max: int | None = None
 ) -> SolvedMesh | Failure:
     """Solve on one mesh.
 
     Args:
         start: where the mesh comes from.
-        state: the mesh.
+        task: the mesh.
         iterations_max: fewer iterations than the settings allow; None for as many.
     """
-    problem, number = state.flight.problem(state.proposal.mesh), max(state.number, 0)
-    purpose = state.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
+    problem, number = task.flight.problem(task.proposal.mesh), max(task.number, 0)
+    purpose = task.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
     session.progress.activity(f"{purpose}, {problem.intervals} intervals", number, 0)
     solution = session.solve(
         problem,
-        state.proposal.guess,
+        task.proposal.guess,
         purpose,
-        barrier=state.barrier,
-        solvers=state.solvers,
+        barrier=task.barrier,
+        solvers=task.solvers,
         iterations_max=iterations_max,
-        loose_tolerance=state.loose_tolerance,
-        reference_only=state.reference_only,
-        multipliers=state.multipliers,
+        loose_tolerance=task.loose_tolerance,
+        reference_only=task.reference_only,
+        multipliers=task.multipliers,
     )
     if solution is None or not solution.success:
-        return Failure(start, solution, state.before)
+        return Failure(start, solution, task.before)
     measure = partial(
         examine, problem, solution.iterate, solution.multipliers.constraints, session.settings.certificate
     )
-    return SolvedMesh(session, state, solution, MeshSolution(problem, solution.iterate, state.proposal, measure))
+    return SolvedMesh(session, task, solution, MeshSolution(problem, solution.iterate, task.proposal, measure))
 
 
 def _with_curvature(solved: SolvedMesh) -> SolvedMesh:
@@ -360,11 +361,11 @@ def carry_multipliers(multipliers: Multipliers, source: Problem, target: Problem
 def solve_certified(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
     first = MeshProposal.first(start.problem, start.guess)
-    state = state_to_certify(session, start.flight, first, start.barrier, (solver,), start.multipliers)
-    return refine(session, start, state, next_until_certified)
+    task = task_to_certify(session, start.flight, first, start.barrier, (solver,), start.multipliers)
+    return refine(session, start, task, next_until_certified)
 
 
-def state_to_certify(
+def task_to_certify(
     session: SolverSession,
     flight: StageProblem,
     proposal: MeshProposal,
@@ -375,11 +376,11 @@ def state_to_certify(
     number: int = 0,
     before: MeshSolution | None = None,
     coarser: MeshSolution | None = None,
-) -> RefinementState:
-    """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `RefinementState`."""
+) -> MeshTask:
+    """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `MeshTask`."""
     # Where there is nothing to compare with, another mesh follows in any case.
     reference_only = coarser is None and number < session.settings.mesh.refinements_max
-    return RefinementState(
+    return MeshTask(
         flight,
         proposal,
         barrier,
@@ -392,28 +393,28 @@ def state_to_certify(
     )
 
 
-def next_until_certified(solved: SolvedMesh) -> RefinementState | None:
+def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
     """Return the next mesh; None if the certificate holds, or if none would help.
 
     Where the model bounds its intervals, so that none may be joined, a first mesh that is not wrong is halved at once:
     on the shipped courses that moved the race time by 2.6 ms at most.
     """
-    optimum, state, session, flight = solved.optimum, solved.state, solved.session, solved.flight
-    limits, coarser, same_mesh = session.settings.certificate, state.coarser, False
-    if state.then is not None:
-        return replace(state.then, before=optimum, coarser=optimum)
+    optimum, task, session, flight = solved.optimum, solved.task, solved.session, solved.flight
+    limits, coarser, same_mesh = session.settings.certificate, task.coarser, False
+    if task.then is not None:
+        return replace(task.then, before=optimum, coarser=optimum)
     if coarser is None:
         proposal = adapt_joining(solved)
         same_mesh = proposal is None and solved.violates_clearance(CLEARANCE_SAFETY)
         if proposal is not None or same_mesh:
-            proposal = proposal or replace(state.proposal, guess=optimum.iterate)
+            proposal = proposal or replace(task.proposal, guess=optimum.iterate)
             flight, proposal = solved.place_clearance_constraints(proposal)
         else:
             proposal, coarser = bisect_all(optimum, limits), optimum
     elif solved.certificate.certified:
         return None
     elif solved.violates_clearance():
-        return _again_on_both_meshes(solved)
+        return _both_meshes_again(solved)
     elif abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
         flight, proposal = solved.place_clearance_constraints(refine_changed(optimum, coarser, limits))
         coarser = None
@@ -421,26 +422,26 @@ def next_until_certified(solved: SolvedMesh) -> RefinementState | None:
         proposal = refine_flagged(optimum, limits)
         if proposal is None:
             return None
-    following = state_to_certify(
+    following = task_to_certify(
         session,
         flight,
         proposal,
         solved.barrier,
         session.solvers,
         solved.carry(proposal, flight),
-        number=state.number + (not same_mesh),
+        number=task.number + (not same_mesh),
         before=optimum,
         coarser=coarser,
     )
     return replace(
         following,
-        clearance_rounds=state.clearance_rounds + same_mesh,
+        clearance_rounds=task.clearance_rounds + same_mesh,
         nodes_beside_passings=solved.nodes_beside_passings,
         violating=solved if same_mesh else None,
     )
 
 
-def _again_on_both_meshes(solved: SolvedMesh) -> RefinementState:
+def _both_meshes_again(solved: SolvedMesh) -> MeshTask:
     """Return the coarser mesh, then the same one, with the conditions on pylons as they were measured on this.
 
     So both race times are those of the same conditions.
@@ -449,18 +450,18 @@ def _again_on_both_meshes(solved: SolvedMesh) -> RefinementState:
     flight, fine = solved.place_clearance_constraints(replace(optimum.proposal, guess=optimum.iterate))
     mesh, guess = restrict(fine.mesh, fine.guess, fine.coarser)
     coarse = MeshProposal.first(flight.problem(mesh), guess)
-    again = RefinementState(
+    again = MeshTask(
         flight,
         fine,
         InitialBarrier.OTHER_MESH,
         session.solvers,
         solved.carry(fine, flight),
-        number=solved.state.number,
-        clearance_rounds=solved.state.clearance_rounds + 1,
+        number=solved.task.number,
+        clearance_rounds=solved.task.clearance_rounds + 1,
         nodes_beside_passings=solved.nodes_beside_passings,
         violating=solved,
     )
-    return RefinementState(
+    return MeshTask(
         flight,
         coarse,
         InitialBarrier.OTHER_MESH,
@@ -476,7 +477,7 @@ def _again_on_both_meshes(solved: SolvedMesh) -> RefinementState:
 
 def adapt_joining(solved: SolvedMesh) -> MeshProposal | None:
     """Return a better first mesh, or None; where intervals may not be joined only for an optimum made of errors."""
-    early = solved.state.number < ADAPTATIONS_MAX and math.isinf(solved.flight.longest_interval)
+    early = solved.task.number < ADAPTATIONS_MAX and math.isinf(solved.flight.longest_interval)
     return adapt(solved.optimum, solved.session.settings.certificate, early=early, joining=early)
 
 
