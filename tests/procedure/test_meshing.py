@@ -19,6 +19,7 @@ from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.system import System
+from airrace.procedure import mesh_loop
 from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
