@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mesh_refinement import restrict, transfer_multipliers
+from airrace.optimal_control.mesh_refinement import Marks, Mesh, restrict, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
@@ -239,9 +239,25 @@ class SolvedMesh:
         return InitialBarrier.COARSE if far else InitialBarrier.OTHER_MESH
 
     @cached_property
+    def coarser_race_time(self) -> float | None:
+        """The race time on the coarser mesh, s; NaN without one, None where none is asked for.
+
+        The optimum that led here is one of several where the problem is flat, 5 ms apart on a course of 184 s. Unless
+        it is too far away already, the one is compared that is solved for from the optimum on this mesh, as it is
+        whenever a stored flight is measured again: what is certified must not be refuted by that.
+        """
+        optimum, coarser, limits = self.optimum, self.task.coarser, self.session.settings.certificate
+        if coarser is None:
+            return math.nan if self.task.compares else None
+        if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
+            return coarser.race_time
+        mesh, nodes = optimum.proposal.mesh, optimum.proposal.coarser
+        return race_time_on_coarser_mesh(self.session, self.flight, mesh, optimum.iterate, nodes)
+
+    @cached_property
     def certificate(self) -> Certificate:
         """The certificate of the optimum."""
-        optimum, solution, coarser = self.optimum, self.solution, self.task.coarser
+        optimum, solution = self.optimum, self.solution
         claim, status = Item("solver", 0.0, 0.0, "", solution.status), f"{solution.solver}: {solution.status}"
         if self.task.loose_tolerance:
             return certify_rough(
@@ -253,7 +269,6 @@ class SolvedMesh:
                 status=status,
                 kkt_error=solution.kkt.largest,
             )
-        without = math.nan if self.task.compares else None
         return certify(
             optimum.problem,
             optimum.iterate,
@@ -263,7 +278,7 @@ class SolvedMesh:
             status=status,
             kkt_error=solution.kkt.largest,
             second_order=solution.second_order,
-            coarser_race_time=without if coarser is None else coarser.race_time,
+            coarser_race_time=self.coarser_race_time,
             clearance=clearance_item(self.flight, optimum.problem, self.approaches, self.session.settings.certificate),
         )
 
@@ -346,6 +361,23 @@ def solve_on_mesh(
     return SolvedMesh(session, task, solution, MeshSolution(problem, solution.iterate, task.proposal, measure))
 
 
+def race_time_on_coarser_mesh(
+    session: SolverSession, flight: StageProblem, mesh: Mesh, iterate: Iterate, nodes: Marks
+) -> float:
+    """Return the race time of the optimum on a coarser mesh, solved for from an optimum, s; NaN if there is none.
+
+    Args:
+        session: solves.
+        flight: the problem of the stage.
+        mesh, iterate: of the optimum.
+        nodes: which nodes the coarser mesh has; shape (N + 1,).
+    """
+    coarse_mesh, guess = restrict(mesh, iterate, nodes)
+    problem, barrier = flight.problem(coarse_mesh), InitialBarrier.COARSER_MESH
+    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, reference_only=True)
+    return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
+
+
 def _with_curvature(solved: SolvedMesh) -> SolvedMesh:
     """Return an optimum that was only compared with, with its curvature judged."""
     multipliers = solved.solution.multipliers.constraints
@@ -415,7 +447,7 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
         return None
     elif solved.violates_clearance():
         return _both_meshes_again(solved)
-    elif abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
+    elif any(item.name == RACE_TIME_CHANGE for item in solved.certificate.failed):
         flight, proposal = solved.place_clearance_constraints(refine_changed(optimum, coarser, limits))
         coarser = None
     else:

@@ -17,13 +17,14 @@ from airrace.optimal_control.certificate import Certificate, Item, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mesh_refinement import Marks, restrict
+from airrace.optimal_control.mesh_refinement import Marks
 from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
+from airrace.procedure.mesh_loop import race_time_on_coarser_mesh
 from airrace.procedure.mesh_proposals import rough_limits
 from airrace.procedure.result import Attempt, GateSplit, PylonCondition, Silent, StageResult
 from airrace.procedure.settings import Settings
@@ -38,7 +39,6 @@ from airrace.procedure.stage_problem import (
     trajectory_of,
     without_pilot_limits,
 )
-from airrace.procedure.warm_start import InitialBarrier
 from airrace.race import Race
 
 
@@ -231,8 +231,5 @@ def _coarser_race_time(
     whole = coarser.shape == trajectory.time.shape and bool(coarser[trajectory.first_node].all())
     if not whole or np.diff(np.flatnonzero(coarser)).min(initial=2) < 2:
         return math.nan
-    mesh, guess = restrict(mesh_of(trajectory), iterate_of(trajectory), coarser)
     session = SolverSession(service, settings, Silent())
-    problem, barrier = flight.problem(mesh), InitialBarrier.COARSER_MESH
-    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, reference_only=True)
-    return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
+    return race_time_on_coarser_mesh(session, flight, mesh_of(trajectory), iterate_of(trajectory), coarser)

@@ -46,12 +46,8 @@ choose another step on another computer; on one computer the largest difference 
 """
 NEGLIGIBLE = 1e-6
 """The share of an item's limit below which a value is nothing but rounding."""
-SOLUTION = 0.2
-"""The share of its limit for the race time on a coarser mesh, which is solved for anew from another start: 1 to 2 ms.
-
-Optima that are found from different starts differ by what an interior point method leaves of its barrier, 1e-4 s, and
-in flat valleys by more: 0.6 and 1.4 ms on two courses. The new value has to keep the limit, too.
-"""
+SOLUTION = 0.02
+"""The share of its limit for the race time on a coarser mesh, which is solved for anew."""
 COUNTING = 1e-2
 """The largest difference between two numbers of active limits, as a fraction of these, and one of two curvatures, as
 a fraction of the one that counts as zero.

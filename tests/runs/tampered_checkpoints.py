@@ -195,8 +195,8 @@ def shorter(stage_of_run: Stage) -> Tampering:
     return stage(stage_of_run, ("trajectory.time", times(0.999)), ("trajectory.durations", times(0.999)))
 
 
-def half_of_limit(item: Item) -> Item:
-    return replace(item, value=item.value + 0.5 * item.limit)
+def share_of_limit(item: Item) -> Item:
+    return replace(item, value=item.value + 0.05 * item.limit)
 
 
 ITEMS = "certificate.items"
@@ -240,7 +240,7 @@ FOUND: dict[str, Tampering] = {
     "limits a tenth lower": point_mass(f"{ITEMS}.*.limit", times(0.9)),
     "KKT error divided": last(f"{ITEMS}.kkt_error.value", times(1e-6)),
     "replay divided": point_mass(f"{ITEMS}.replay_gate.value", times(1e-6)),
-    "change of race time": last(f"{ITEMS}.race_time_change", half_of_limit),
+    "change of race time": last(f"{ITEMS}.race_time_change", share_of_limit),
     "Hamiltonian residual divided": last(f"{ITEMS}.hamiltonian_drift.value", times(1e-6)),
     "variation halved": last(f"{ITEMS}.variation_n_z_cmd.value", times(0.5)),
     "unit of an item": last(f"{ITEMS}.replay_gate.unit", "km"),
