@@ -209,9 +209,9 @@ def test_routes_that_rough_times_do_not_rank_are_all_certified_and_one_that_is_h
     assert asked == [[one] for one in found[:3]]
     assert seconds(result) == pytest.approx(9.0)
     assert [seconds(one) for one in result.alternatives] == [pytest.approx(9.03)]
-    alone, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.06), taking(9.0), near_count=2)
+    alone, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.06), taking(9.0), near=2)
     assert alone.alternatives == ()
-    same, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.0), taking(9.0001), near_count=2)
+    same, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.0), taking(9.0001), near=2)
     assert same.alternatives == ()
 
 

@@ -122,9 +122,9 @@ def search_with(budget: SearchBudget, race: Race) -> FoundRoutes:
 @pytest.mark.slow
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     wide = dataclasses.replace(BUDGET, radii=(Radius(1.0),))
-    unimproved = search_with(dataclasses.replace(wide, iterations=0), SLALOM).report(0)
-    improved = search_with(wide, SLALOM).report(0)
-    tight = search_with(dataclasses.replace(BUDGET, radii=(Radius(0.4),)), SLALOM).report(0)
+    unimproved = search_with(dataclasses.replace(wide, iterations=0), SLALOM).search_report(0)
+    improved = search_with(wide, SLALOM).search_report(0)
+    tight = search_with(dataclasses.replace(BUDGET, radii=(Radius(0.4),)), SLALOM).search_report(0)
     assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
     assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
     assert improved.routes[0].text == tight.routes[0].text
@@ -182,7 +182,7 @@ def test_moves_are_tried_again_where_one_that_saves_time_was_left_out(monkeypatc
 def test_loop_that_is_left_is_reported() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
     budget = dataclasses.replace(BUDGET, radii=(Radius(1.0),), iterations=0)
-    told = " ".join(search_with(budget, SLALOM).report(0).loops)
+    told = " ".join(search_with(budget, SLALOM).search_report(0).loops)
     assert "left -> right" in told
     assert "where the gates ask for" in told
 
@@ -192,7 +192,9 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
 
     def looped(*arguments: object, **named: object) -> FoundRoutes:
         found = search_routes(*arguments, **named)  # type: ignore[arg-type]
-        return dataclasses.replace(found, report=lambda one: dataclasses.replace(found.report(one), loops=(loop,)))
+        return dataclasses.replace(
+            found, search_report=lambda one: dataclasses.replace(found.search_report(one), loops=(loop,))
+        )
 
     monkeypatch.setattr(procedure, "search_routes", looped)
     with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
@@ -263,7 +265,7 @@ def test_no_race_without_a_flight_has_starts() -> None:
     budget = dataclasses.replace(BUDGET, radii=())
     found = search_with(budget, SMALL)
     assert found.starts == ()
-    assert found.report(0).routes == ()
+    assert found.search_report(0).routes == ()
 
 
 @pytest.mark.slow
