@@ -3,10 +3,10 @@ from airrace.api.courses import check as check
 from airrace.api.courses import schema as schema
 from airrace.api.courses import tracks as tracks
 from airrace.api.flights import import_log as import_log
+from airrace.api.optimize import open as open
+from airrace.api.optimize import optimize as optimize
+from airrace.api.optimize import resume as resume
 from airrace.api.run import Run as Run
-from airrace.api.runs import open as open
-from airrace.api.runs import optimize as optimize
-from airrace.api.runs import resume as resume
 from airrace.errors import AirraceError as AirraceError
 from airrace.files.inputs import Inputs as Inputs
 from airrace.files.inputs import load_inputs as load_inputs

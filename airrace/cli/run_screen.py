@@ -41,7 +41,7 @@ from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
 from airrace.runs.plan import in_force
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stored_inputs import stored_documents
 from airrace.runs.verdict import downgrade_stale, is_certified
 from airrace.runs.verification import with_confirmations

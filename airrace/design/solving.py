@@ -32,7 +32,7 @@ from airrace.procedure.stage import Stage
 from airrace.runs.courses import check_course
 from airrace.runs.execute import execute
 from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.session import Session
 from airrace.runs.stage_view import StageView
 from airrace.runtime.process import available_cores

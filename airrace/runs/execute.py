@@ -22,7 +22,7 @@ from airrace.runs.json_objects import comparison_object, reserve_object, run_obj
 from airrace.runs.output import ensure_free
 from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX
-from airrace.runs.run import RunState, stages_object
+from airrace.runs.run_state import RunState, stages_object
 from airrace.runs.verdict import is_certified, one_mesh_note, verdict
 from airrace.runtime import interrupts
 

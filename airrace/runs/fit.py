@@ -51,7 +51,7 @@ from airrace.runs.plan import (
     read_inputs,
     value_texts,
 )
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runtime.process import available_cores
 from airrace.runtime.standard_streams import stem_of
 

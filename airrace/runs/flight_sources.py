@@ -22,7 +22,7 @@ from airrace.pages.views.stage_tables import claim
 from airrace.procedure.stage import Stage
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.runtime.standard_streams import stem_of
 

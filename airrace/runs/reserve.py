@@ -23,7 +23,7 @@ from airrace.procedure.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
 from airrace.runs.plan import Changes
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX, asked_text
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
 
 FlyAgain = Callable[[RunState, Sequence[str]], RunState]

@@ -46,7 +46,7 @@ from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table,
 from airrace.pages.views.tables import Column, Table, Value
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
 from airrace.runs.stage_view import StageView

@@ -29,7 +29,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.stored_inputs import current_versions, library_versions
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from airrace.pages.views.stage_tables import verdict_words
 from airrace.procedure import procedure
 from airrace.procedure.result import Note, NoteKind, SearchReport, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import STAGES, Stage
-from airrace.runs.run import RunState, new_run, open_run
+from airrace.runs.run_state import RunState, new_run, open_run
 from airrace.runtime.standard_streams import STANDARD, name_of
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")

@@ -29,7 +29,7 @@ from airrace.runs.execute import execute
 from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_new_run, plan_resumed_run, stage_by_name
-from airrace.runs.run import RunState, adopt_checkpoint, new_run
+from airrace.runs.run_state import RunState, adopt_checkpoint, new_run
 from airrace.runs.stage_data import stage_sensitivities
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import resolved_text

@@ -86,7 +86,7 @@ def _fly(answer: CommandResult, job: "Job", path: Path, progress: Progress) -> N
     from airrace.files.inputs import inputs_from_documents
     from airrace.runs.execute import execute_for_command
     from airrace.runs.plan import plan_resumed_run
-    from airrace.runs.run import adopt_checkpoint, new_run
+    from airrace.runs.run_state import adopt_checkpoint, new_run
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = adopt_checkpoint(new_run(inputs, path))

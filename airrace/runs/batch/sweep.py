@@ -25,7 +25,7 @@ from airrace.runs.batch.jobs import Combination, Sweep, combinations, cover
 from airrace.runs.batch.planning import parse_sweeps
 from airrace.runs.output import write_text
 from airrace.runs.plan import Changes, Values, value_texts
-from airrace.runs.run import RunState, open_run
+from airrace.runs.run_state import RunState, open_run
 from airrace.runs.session import Session, ensure_of_one_stage
 from airrace.runs.stage_view import StageView
 from airrace.runtime.process import available_cores

@@ -37,7 +37,7 @@ from airrace.runs.execute import execute, unreached
 from airrace.runs.plan import Changes, in_force, plan_changed_run, plan_new_run, plan_resumed_run
 from airrace.runs.reserve import fly_reserve
 from airrace.runs.reserve_attempts import asked_text, reserve_state
-from airrace.runs.run import RunState, new_run, open_run
+from airrace.runs.run_state import RunState, new_run, open_run
 
 SMALL = Scatter(Gusts.NONE, 0.1 * KNOT, 0.001, 0.001, 0.0, 0.0)
 """Disturbances so small that no limit of stick or stall counts."""

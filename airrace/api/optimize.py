@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from airrace.api.run import Run, Watch
     from airrace.flights.results import Confirmation, ReserveState
     from airrace.procedure.result import Progress
-    from airrace.runs.run import RunState
+    from airrace.runs.run_state import RunState
     from airrace.runs.stage_data import Sensitivities
     from airrace.runs.verification import Verification
 
@@ -165,7 +165,7 @@ def resume(
         plan_resumed_run,
         value_texts,
     )
-    from airrace.runs.run import RunState, open_run
+    from airrace.runs.run_state import RunState, open_run
 
     changes = Changes(
         document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
@@ -198,7 +198,7 @@ def open(path: str | Path) -> "Run":
         InputError: this version of airrace no longer accepts what the run was given.
     """
     from airrace.api.run import Run
-    from airrace.runs.run import open_run
+    from airrace.runs.run_state import open_run
 
     return Run.of(open_run(Path(path)))
 
@@ -240,7 +240,7 @@ def verify(
     """
     from airrace.files.checkpoint import LogCheckpoint, read_stored
     from airrace.runs.log_view import open_log
-    from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+    from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
     from airrace.runs.verification import confirm_log, verify_run
 
     if not isinstance(run, RunState):
@@ -269,7 +269,7 @@ def sensitivity(
         NotCertified: the stage is no certified optimum.
         UsageError: there is no such stage.
     """
-    from airrace.runs.run import RunState, open_run
+    from airrace.runs.run_state import RunState, open_run
 
     run = run if isinstance(run, RunState) else open_run(Path(run))
     return run.stage(stage).sensitivities(by.value if isinstance(by, ParameterGroup) else by)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from airrace import options
-from airrace.api import runs
+from airrace.api import optimize as run_functions
 from airrace.cli.answer import Answer, render, terminal_columns
 from airrace.cli.command import command
 from airrace.options import Option
@@ -14,8 +14,8 @@ from airrace.runs.command_result import ExitCode, empty_result
 from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
+    from airrace.api.optimize import Verified
     from airrace.api.run import Run
-    from airrace.api.runs import Verified
     from airrace.files.checkpoint import Checkpoint, LogCheckpoint
     from airrace.procedure.result import Progress
     from airrace.runs.execute import Execution
@@ -27,7 +27,7 @@ ShowCertificate = Annotated[bool, Option("Also list every item of the certificat
 ShowAll = Annotated[bool, Option("Show all there is, of every stage.")]
 
 
-@command(runs.optimize)
+@command(run_functions.optimize)
 def optimize(
     answer: Answer,
     call: "partial[Run]",
@@ -43,7 +43,7 @@ def optimize(
     _fly(answer, call, stages=stages, routes=routes, certificate=certificate, every=all_)
 
 
-@command(runs.resume)
+@command(run_functions.resume)
 def resume(
     answer: Answer,
     call: "partial[Run]",
@@ -186,7 +186,7 @@ def show(
     answer.fail_if_refuted({stage.value: confirmation for stage, confirmation in shown.confirmations.items()})
 
 
-@command(runs.verify)
+@command(run_functions.verify)
 def verify(answer: Answer, call: "partial[Verified]") -> None:
     from airrace.cli.run_tables import items_table
     from airrace.procedure.result import UNVERIFIABLE
@@ -221,7 +221,7 @@ def verify(answer: Answer, call: "partial[Verified]") -> None:
     answer.add(f"unverified, for they cannot be measured again: {', '.join(unverified)}")
 
 
-@command(runs.sensitivity)
+@command(run_functions.sensitivity)
 def sensitivity(
     answer: Answer,
     call: "partial[Sensitivities]",
@@ -231,7 +231,7 @@ def sensitivity(
     from airrace.cli.flight_tables import sensitivities_text
     from airrace.errors import UsageError
     from airrace.pages.report.sensitivity_tables import sensitivities_csv
-    from airrace.runs.run import open_run
+    from airrace.runs.run_state import open_run
 
     if answer.as_json and csv:
         raise UsageError("--json and --csv exclude each other")
