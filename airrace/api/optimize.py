@@ -11,11 +11,11 @@ from airrace.procedure.settings import SearchEffort
 
 if TYPE_CHECKING:
     from airrace.api.run import Run, Watch
-    from airrace.flights.results import Confirmation, ReserveState
+    from airrace.flights.results import ReserveState, Verification
     from airrace.procedure.result import Progress
     from airrace.runs.run_state import RunState
     from airrace.runs.stage_data import Sensitivities
-    from airrace.runs.verification import Verification
+    from airrace.runs.verification import StageVerification
 
 RunGiven = Union[str, Path, "RunState"]
 """A run, or its file."""
@@ -204,20 +204,20 @@ def open(path: str | Path) -> "Run":
 
 
 @dataclass(frozen=True)
-class Verified:
+class FileVerification:
     """What was measured again of a file.
 
     Attributes:
         track: the name of the course.
         stages: the verification of each stage of a run.
         reserve: the reserve that the run keeps; None without.
-        log: of a flight log, what it is called and whether it was confirmed; None for a run.
+        log: of a flight log, what it is called and its verification; None for a run.
     """
 
     track: str
-    stages: "tuple[Verification, ...]" = ()
+    stages: "tuple[StageVerification, ...]" = ()
     reserve: "ReserveState | None" = None
-    log: "tuple[str, Confirmation] | None" = None
+    log: "tuple[str, Verification] | None" = None
 
 
 def verify(
@@ -227,7 +227,7 @@ def verify(
         bool,
         Option("Also verify a run that other versions of airrace and its libraries have made, and leave open which."),
     ] = False,
-) -> Verified:
+) -> FileVerification:
     """Verify all that a run tells.
 
     Every stage is measured again from its histories and multipliers alone, and what is stored is compared with that. A
@@ -241,17 +241,17 @@ def verify(
     from airrace.files.checkpoint import LogCheckpoint, read_stored
     from airrace.runs.log_view import open_log
     from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
-    from airrace.runs.verification import confirm_log, verify_run
+    from airrace.runs.verification import verify_log, verify_run
 
     if not isinstance(run, RunState):
         checkpoint = read_stored(Path(run))
         if isinstance(checkpoint, LogCheckpoint):
             log = open_log(checkpoint)
-            confirmation = confirm_log(log, versions=not other_versions)
-            return Verified(log.inputs.race.course.name, log=(checkpoint.label, confirmation))
+            verification = verify_log(log, versions=not other_versions)
+            return FileVerification(log.inputs.race.course.name, log=(checkpoint.label, verification))
         run = ensure_readable(run_of_checkpoint(checkpoint, Path(run)))
     stages = verify_run(run, versions=not other_versions)
-    return Verified(run.name, stages, run.stages[-1].stamp.reserve if run.results else None)
+    return FileVerification(run.name, stages, run.stages[-1].stamp.reserve if run.results else None)
 
 
 def sensitivity(

@@ -23,7 +23,7 @@ from airrace.runs.output import write_text
 from airrace.runs.plan import ExecutionPlan, chosen_texts
 from airrace.runs.run_state import RunState, compare_stages
 from airrace.runs.stage_data import Brief, Sensitivities
-from airrace.runs.verification import Verification, verify_run
+from airrace.runs.verification import StageVerification, verify_run
 
 if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
@@ -90,7 +90,7 @@ class Run(RunState):
 
     resume = optimize.resume
 
-    def verify(self) -> tuple[Verification, ...]:
+    def verify(self) -> tuple[StageVerification, ...]:
         """Measure every certificate again from the stored histories and multipliers alone.
 
         Returns:

@@ -18,7 +18,7 @@ from airrace.runtime.standard_streams import name_of
 
 if TYPE_CHECKING:
     from airrace.files.export.formats import Format
-    from airrace.flights.results import Confirmation
+    from airrace.flights.results import Verification
     from airrace.flights.results.comparison import Comparison
     from airrace.runs.log_view import LogView
     from airrace.runs.stage_data import Brief
@@ -81,7 +81,7 @@ def compare(
     reference = comparisons[0].reference
     sources = {comparison.other.label: comparison.other.source for comparison in comparisons}
     sources = {reference.label: reference.source} | sources
-    answer.fail_if_refuted({label: source.confirmation for label, source in sources.items()})
+    answer.fail_if_refuted({label: source.verification for label, source in sources.items()})
     answer.fields.update(comparison_object(reference, comparisons))
     if answer.shows:
         answer.add(*comparison_texts(comparisons, every=all_))
@@ -100,13 +100,13 @@ def report(answer: Answer, call: "partial[WrittenFlights]") -> None:
     run, *more_flights = call.args
     _choose_output(answer, call, run, "html")
     result = call()
-    confirmations = _confirmations(answer, result)
-    answer.fields["verified"] = [confirmation and confirmation.verified for confirmation in confirmations.values()]
-    answer.fields["verification"] = [confirmation and confirmation.words for confirmation in confirmations.values()]
+    verifications = _verifications(answer, result)
+    answer.fields["verified"] = [verification and verification.verified for verification in verifications.values()]
+    answer.fields["verification"] = [verification and verification.words for verification in verifications.values()]
     answer.add_files(result.path, remark="; any browser opens it", format="html", flights=[str(run), *more_flights])
-    for label, confirmation in confirmations.items():
-        if confirmation is not None:
-            answer.add(f"{label}: {confirmation.remark}")
+    for label, verification in verifications.items():
+        if verification is not None:
+            answer.add(f"{label}: {verification.remark}")
 
 
 @command(flights.film)
@@ -121,7 +121,7 @@ def film(answer: Answer, call: "partial[WrittenFlights]") -> None:
         print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=terminal, flush=True)
 
     result = call(watch=watch) if not answer.quiet and sys.stderr.isatty() else call()
-    _confirmations(answer, result)
+    _verifications(answer, result)
     answer.add_files(result.path, format=result.path.suffix[1:].lower(), flights=list(names))
 
 
@@ -130,15 +130,15 @@ def card(answer: Answer, call: "partial[WrittenFlights]") -> None:
     name = call.keywords["flight"]
     _choose_output(answer, call, name, "card.png")
     result = call()
-    _confirmations(answer, result)
+    _verifications(answer, result)
     answer.add_files(result.path, format="png", flights=[name])
 
 
-def _confirmations(answer: Answer, result: WrittenFlights) -> "dict[str, Confirmation | None]":
+def _verifications(answer: Answer, result: WrittenFlights) -> "dict[str, Verification | None]":
     """Return the outcome of measuring the flights again; one that is refuted fails the command."""
-    confirmations = {flight.label: flight.source.confirmation for flight in result.flights}
-    answer.fail_if_refuted(confirmations)
-    return confirmations
+    verifications = {flight.label: flight.source.verification for flight in result.flights}
+    answer.fail_if_refuted(verifications)
+    return verifications
 
 
 class _Formats(TyperGroup):

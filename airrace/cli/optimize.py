@@ -14,7 +14,7 @@ from airrace.runs.command_result import ExitCode, empty_result
 from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
-    from airrace.api.optimize import Verified
+    from airrace.api.optimize import FileVerification
     from airrace.api.run import Run
     from airrace.files.checkpoint import Checkpoint, LogCheckpoint
     from airrace.procedure.result import Progress
@@ -168,26 +168,26 @@ def show(
         from airrace.cli.flight_tables import log_texts
         from airrace.runs.flight_sources import source_of
         from airrace.runs.log_view import open_log
-        from airrace.runs.verification import with_confirmation
+        from airrace.runs.verification import with_verification
 
         log = open_log(checkpoint)
         source_of(log, stage)
-        log = with_confirmation(log, verify=verify)
+        log = with_verification(log, verify=verify)
         answer.fields.update(log.as_object())
         if answer.shows:
             answer.add(*log_texts(log, legs=legs))
-        answer.fail_if_refuted({log.recorded.label: log.confirmation})
+        answer.fail_if_refuted({log.recorded.label: log.verification})
         return
     shown = stored_stages(checkpoint, path, stage, verify=verify)
     answer.fields.update(shown.as_object())
     if answer.shows:
         parts = Parts(stages=stages, routes=routes, certificate=certificate, legs=legs, every=all_)
         answer.add(*run_texts(shown, parts))
-    answer.fail_if_refuted({stage.value: confirmation for stage, confirmation in shown.confirmations.items()})
+    answer.fail_if_refuted({stage.value: verification for stage, verification in shown.verifications.items()})
 
 
 @command(run_functions.verify)
-def verify(answer: Answer, call: "partial[Verified]") -> None:
+def verify(answer: Answer, call: "partial[FileVerification]") -> None:
     from airrace.cli.run_tables import items_table
     from airrace.procedure.result import UNVERIFIABLE
     from airrace.runs.json_objects import reserve_object
@@ -196,11 +196,11 @@ def verify(answer: Answer, call: "partial[Verified]") -> None:
     verified = call()
     answer.fields["track"] = verified.track
     if verified.log is not None:
-        label, confirmation = verified.log
-        answer.fields.update(flown=True, verified=bool(confirmation.verified), verification=confirmation.words)
-        if not confirmation.verified:
-            answer.fail(ExitCode.NOT_CERTIFIED, f"{label}: {confirmation.words}")
-        answer.add(f"{label}: {confirmation.outcome}; its log is taken as it is")
+        label, verification = verified.log
+        answer.fields.update(flown=True, verified=bool(verification.verified), verification=verification.words)
+        if not verification.verified:
+            answer.fail(ExitCode.NOT_CERTIFIED, f"{label}: {verification.words}")
+        answer.add(f"{label}: {verification.outcome}; its log is taken as it is")
         return
     for stage in verified.stages:
         if stage.objection:

@@ -189,8 +189,8 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     flights = (other, reference)
     details += [f"{flight.label} is {flight.source.verdict}" for flight in flights if flight.source.certified is False]
     for flight in flights:
-        if flight.source.confirmation is not None:
-            details.append(f"{flight.label}: {flight.source.confirmation.remark}")
+        if flight.source.verification is not None:
+            details.append(f"{flight.label}: {flight.source.verification.remark}")
     first = paragraph(f"{other.label} against {reference.label}: {verdict}")
     return [first, *(paragraph(detail, begin="  ") for detail in details)]
 

@@ -23,7 +23,7 @@ from airrace.runtime import interrupts
 from airrace.runtime.process import SYSTEM_ERROR
 
 if TYPE_CHECKING:
-    from airrace.flights.results import Confirmation
+    from airrace.flights.results import Verification
 
 
 class ExitCode(IntEnum):
@@ -108,11 +108,11 @@ class CommandResult:
             return
         self.code, self.error, self.findings = code, error, findings
 
-    def fail_if_refuted(self, confirmations: "Mapping[str, Confirmation | None]") -> None:
+    def fail_if_refuted(self, verifications: "Mapping[str, Verification | None]") -> None:
         """Record the failure of the first verification that failed of those that are shown, by what they are called."""
-        for name, confirmation in confirmations.items():
-            if confirmation is not None and confirmation.refutation:
-                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {confirmation.refutation}")
+        for name, verification in verifications.items():
+            if verification is not None and verification.refutation:
+                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {verification.refutation}")
 
 
 def empty_result(track: str | None) -> dict[str, object]:

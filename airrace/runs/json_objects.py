@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from airrace.flights.results import Confirmation, Flight, ReserveState, Stamp, laps_of
+from airrace.flights.results import Flight, ReserveState, Stamp, Verification, laps_of
 from airrace.flights.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.flights.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
 from airrace.flights.results.flight import passings_around
@@ -267,15 +267,15 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "stage": flight.source.stage or None,
         "status": None if flight.source.status is None else flight.source.status.value,
         "certified": flight.source.certified,
-        **({} if (confirmation := flight.source.confirmation) is None else confirmation_object(confirmation)),
+        **({} if (verification := flight.source.verification) is None else verification_object(verification)),
         "race_time_s": finite(flight.race_time),
         "stamp": stamp_object(flight.stamp),
     }
 
 
-def confirmation_object(confirmation: Confirmation) -> dict[str, object]:
+def verification_object(verification: Verification) -> dict[str, object]:
     """Return the outcome of measuring a stage again: `verified` is null where nothing was measured."""
-    return {"verified": confirmation.verified, "verification": confirmation.words}
+    return {"verified": verification.verified, "verification": verification.words}
 
 
 def stamp_object(stamp: Stamp) -> dict[str, object]:

@@ -86,10 +86,10 @@ def flight_page(
     script = page_script()
     misses = len(near_misses(first))
     near = f", {misses} pylons too near" if misses else ""
-    confirmation = first.source.confirmation
-    unsure = confirmation is not None and confirmation.verified is None
-    refuted = confirmation is not None and confirmation.verified is False
-    outcome = "" if confirmation is None or confirmation.verified else f"; {confirmation.outcome}"
+    verification = first.source.verification
+    unsure = verification is not None and verification.verified is None
+    refuted = verification is not None and verification.verified is False
+    outcome = "" if verification is None or verification.verified else f"; {verification.outcome}"
     good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
     look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
     words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
