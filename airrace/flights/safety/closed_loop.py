@@ -63,7 +63,7 @@ class ClosedLoop:
     @property
     def leg_middles(self) -> Array:
         """The clock in the middle of every leg, s."""
-        return 0.5 * (self.nominal.passings[1:] + self.nominal.passings[:-1])
+        return 0.5 * (self.nominal.passing_times[1:] + self.nominal.passing_times[:-1])
 
     @property
     def samples(self) -> int:

@@ -41,12 +41,12 @@ class NominalFlight:
     Attributes:
         state: at the steps, shape (M, 17).
         moved: integrals of the controls up to the steps, shape (M, 4).
-        passings: when the passages are passed, s; shape (n,).
+        passing_times: when the passages are passed, s; shape (n,).
     """
 
     state: Array
     moved: Array
-    passings: Array
+    passing_times: Array
 
     @classmethod
     def from_optimum(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
