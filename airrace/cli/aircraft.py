@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from airrace import options
 from airrace.api.aircraft import estimate_aircraft
-from airrace.cli.answer import Answer
 from airrace.cli.command import command
+from airrace.cli.printed_result import PrintedResult
 from airrace.options import Option
 from airrace.runtime.standard_streams import stem_of
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 @command(estimate_aircraft)
-def aircraft(answer: Answer, call: "partial[ComparedAircraft]") -> None:
-    comparison = call()
-    answer.fields.update(name=comparison.aircraft.name, compared=comparison.table.objects())
+def aircraft(command_result: PrintedResult, function: "partial[ComparedAircraft]") -> None:
+    comparison = function()
+    command_result.fields.update(name=comparison.aircraft.name, compared=comparison.table.objects())
     if comparison.path is not None:
         remark = f"; fly it with `airrace optimize rovinj_2014 --aircraft {comparison.path}`"
-        answer.add_files(comparison.path, remark=remark)
-    answer.add(comparison.table)
+        command_result.add_files(comparison.path, remark=remark)
+    command_result.add(comparison.table)
 
 
 def _fit(
@@ -63,18 +63,18 @@ def _fit(
 
 
 @command(_fit)
-def fit(answer: Answer, call: "partial[FittedAircraft]") -> None:
+def fit(command_result: PrintedResult, function: "partial[FittedAircraft]") -> None:
     from airrace.pages.views.progress_view import watching
     from airrace.procedure.stage import STAGES
 
-    with watching(stem_of(call.keywords["course"]), STAGES, quiet=answer.quiet) as progress:
-        fit_result = call(progress=progress)
-    answer.fields.update(
+    with watching(stem_of(function.keywords["course"]), STAGES, quiet=command_result.quiet) as progress:
+        fit_result = function(progress=progress)
+    command_result.fields.update(
         name=fit_result.aircraft.name,
         fitted=fit_result.table.objects(),
         correlations=fit_result.correlations.tolist(),
         winds_m_s=fit_result.estimate.winds.tolist(),
         bias=fit_result.bias.tolist(),
     )
-    answer.add_files(call.keywords["output"])
-    answer.add(fit_result.table)
+    command_result.add_files(function.keywords["output"])
+    command_result.add(fit_result.table)

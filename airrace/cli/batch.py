@@ -11,8 +11,8 @@ from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 from airrace import options
-from airrace.cli.answer import Answer
 from airrace.cli.command import command
+from airrace.cli.printed_result import PrintedResult
 from airrace.options import Option
 from airrace.runs.batch import BatchOptions
 from airrace.runs.command_result import ExitCode
@@ -33,30 +33,32 @@ only what is not finished, or has changed.
 
 @command(BatchOptions, help=BATCH_HELP)
 def batch(
-    answer: Answer,
-    call: "partial[BatchOptions]",
+    command_result: PrintedResult,
+    function: "partial[BatchOptions]",
     *,
     dry_run: options.DryRun = False,
     csv: Annotated[Path | None, Option("Write the table as CSV.", "FILE", written=True)] = None,
     junit: Annotated[Path | None, Option("Write a JUnit report.", "FILE", written=True)] = None,
     markdown: Annotated[Path | None, Option("Write the table as Markdown.", "FILE", written=True)] = None,
 ) -> None:
-    from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
+    from airrace.cli.batch_output import Reports, describe_plan, fill_in_results, watching_batch
     from airrace.runs.batch.supervision import supervise
 
-    answer.fields = {"certified": False, "jobs": []}
+    command_result.fields = {"certified": False, "jobs": []}
     start_time = time.perf_counter()
-    jobs, reports = call(), Reports(csv, junit, markdown)
+    jobs, reports = function(), Reports(csv, junit, markdown)
     if dry_run:
         plan = jobs.checked_plan()
         reports.ensure_writable(plan)
-        describe_plan(answer, plan, quiet=answer.quiet)
+        describe_plan(command_result, plan, quiet=command_result.quiet)
         return
     with jobs.prepared() as (plan, pool):
         reports.ensure_writable(plan)
-        with stopping() as stop_asked, watching_batch(quiet=answer.quiet) as watcher:
+        with stopping() as stop_asked, watching_batch(quiet=command_result.quiet) as watcher:
             results = supervise(plan, pool, jobs, watcher, stop_asked=stop_asked)
-    answer_with(answer, plan, results, reports, wall=time.perf_counter() - start_time, quiet=answer.quiet)
+    fill_in_results(
+        command_result, plan, results, reports, wall=time.perf_counter() - start_time, quiet=command_result.quiet
+    )
 
 
 ONE_REQUEST = 0.3
@@ -132,7 +134,7 @@ def _sweep(
 
 
 @command(_sweep)
-def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
+def sweep(command_result: PrintedResult, function: "partial[SweepResult]") -> None:
     from airrace.pages.views.plain_text import SafeStream
     from airrace.pages.views.tables import Table
 
@@ -141,15 +143,15 @@ def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
     def tell(done: int, number: int) -> None:
         print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=terminal, flush=True)
 
-    result = call(tell=tell) if not answer.quiet and sys.stderr.isatty() else call()
-    answer.fields.update(result.as_object())
+    result = function(tell=tell) if not command_result.quiet and sys.stderr.isatty() else function()
+    command_result.fields.update(result.as_object())
     table = result.table()
     left = len(table.rows) - ROWS_SHOWN
     more = (f"{left} more; --output writes all",) if left > 0 else ()
-    answer.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
-    answer.add_files(call.keywords["output"])
+    command_result.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
+    command_result.add_files(function.keywords["output"])
     if unsolved := len(result.points) - result.solved:
-        answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")
+        command_result.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")
 
 
 def _fairness(
@@ -217,13 +219,13 @@ def _fairness(
 
 
 @command(_fairness)
-def fairness(answer: Answer, call: "partial[Fairness]") -> None:
+def fairness(command_result: PrintedResult, function: "partial[Fairness]") -> None:
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    result = call() if answer.quiet and call.keywords["csv"] != STANDARD else call(tell=tell)
-    answer.fields.update(result.as_object())
-    answer.add(*result.tables())
-    answer.add_files(call.keywords["csv"])
+    result = function() if command_result.quiet and function.keywords["csv"] != STANDARD else function(tell=tell)
+    command_result.fields.update(result.as_object())
+    command_result.add(*result.tables())
+    command_result.add_files(function.keywords["csv"])
     if result.messages:
-        answer.fail(ExitCode.NOT_CERTIFIED, result.messages[0])
+        command_result.fail(ExitCode.NOT_CERTIFIED, result.messages[0])

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from airrace.cli.answer import PAGE, paragraph, render
+from airrace.cli.printed_result import PAGE, paragraph, render
 from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
 from airrace.flights.logs.violations import select_violations
 from airrace.flights.sensitivity import Activity, Sensitivity

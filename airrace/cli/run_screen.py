@@ -1,6 +1,6 @@
-"""What `optimize`, `resume` and `show` print: the answer on one screen, and whatever else of a run was asked for.
+"""What `optimize`, `resume` and `show` print: the summary on one screen, and whatever else of a run was asked for.
 
-The answer is race time and verdict, the table of the gates, what limits the flight, the most important remarks, and
+The summary is race time and verdict, the table of the gates, what limits the flight, the most important remarks, and
 the commands that come next.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from airrace.cli.answer import PAGE, command_lines, paragraph, render
+from airrace.cli.printed_result import PAGE, command_lines, paragraph, render
 from airrace.cli.run_tables import (
     ROUTES_MAX,
     distance_tables,
@@ -62,7 +62,7 @@ REMARKS_MAX = 3
 
 @dataclass(frozen=True)
 class Parts:
-    """What is shown of a run besides the answer.
+    """What is shown of a run besides the summary.
 
     Attributes:
         stages: the table of the stages.
@@ -181,11 +181,11 @@ def solved_stages(run: RunState) -> StoredStages:
 
 
 def run_texts(stored: StoredStages, parts: Parts, further: Iterable[str] = ()) -> Iterator[str]:
-    """Yield the answer, the parts that were asked for, and the next commands, in lines that fit the terminal.
+    """Yield the summary, the parts that were asked for, and the next commands, in lines that fit the terminal.
 
     Args:
         shown: the stages.
-        parts: what is shown besides the answer.
+        parts: what is shown besides the summary.
         further: texts that come before the next commands.
     """
     yield from _answer(stored, every=parts.every)
@@ -326,7 +326,7 @@ def _routes(results: Sequence[StageResult]) -> Iterator[str]:
 
 
 def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:
-    """Yield the gates of a stage other than that of the answer, and its mesh."""
+    """Yield the gates of a stage other than that of the summary, and its mesh."""
     tables: list[Table] = []
     if with_splits and result.splits and result.is_flight:
         outcome = f"race time {result.trajectory.race_time:.3f} s" if result.has_race_time else result.status.value

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from airrace.cli.answer import PAGE, number, paragraph, render
+from airrace.cli.printed_result import PAGE, number, paragraph, render
 from airrace.flights.results import Flight, laps_of
 from airrace.flights.results.clearances import NearMiss
 from airrace.flights.results.comparison import TIE, Comparison, compare_flights, conditions

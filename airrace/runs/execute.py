@@ -221,11 +221,13 @@ def _execute_locked(
         yield run, result
 
 
-def execute_for_command(answer: CommandResult, plan: ExecutionPlan, *, threads: int, progress: Progress) -> Execution:
-    """Fly the stages that are not reused, and fill in the answer's object, exit code and sentence; return what is done.
+def execute_for_command(
+    command_result: CommandResult, plan: ExecutionPlan, *, threads: int, progress: Progress
+) -> Execution:
+    """Fly the stages that are not reused, and fill in the result's object, exit code and sentence; return what is done.
 
     Args:
-        answer: what the command has to say.
+        command_result: what the command has to say.
         plan: what is to be computed.
         threads: threads that evaluate derivatives.
         progress: who watches.
@@ -235,16 +237,18 @@ def execute_for_command(answer: CommandResult, plan: ExecutionPlan, *, threads: 
         for _ in execution.steps(threads=threads, progress=progress):
             pass
     except BaseException as error:
-        record_end(answer, execution, error)
+        record_end(command_result, execution, error)
     else:
-        summarise(answer, execution)
+        summarise(command_result, execution)
     return execution
 
 
-def record_end(answer: CommandResult, execution: Execution, error: BaseException, timeout: float | None = None) -> None:
-    """Fill in the answer with what is finished when an error ends an execution.
+def record_end(
+    command_result: CommandResult, execution: Execution, error: BaseException, timeout: float | None = None
+) -> None:
+    """Fill in the result with what is finished when an error ends an execution.
 
-    The end of the time (`timeout`, s) and an interrupt are answers, with a sentence on how to go on; any other error is
+    The end of the time (`timeout`, s) and an interrupt are results, with a sentence on how to go on; any other error is
     raised again. That what is finished cannot be told hides no error.
 
     Raises:
@@ -252,12 +256,12 @@ def record_end(answer: CommandResult, execution: Execution, error: BaseException
     """
     stopped = isinstance(error, OutOfTime) or interrupts.caused(error)
     if isinstance(error, OutOfTime):
-        answer.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(execution)}")
+        command_result.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(execution)}")
     elif stopped:
         interrupts.acknowledge()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
+        command_result.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
     try:
-        summarise(answer, execution)
+        summarise(command_result, execution)
     except Exception:
         if stopped:
             raise
@@ -266,29 +270,29 @@ def record_end(answer: CommandResult, execution: Execution, error: BaseException
         raise error
 
 
-def summarise(answer: CommandResult, execution: Execution) -> None:
-    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold."""
+def summarise(command_result: CommandResult, execution: Execution) -> None:
+    """Fill in the object, and fail the result unless the last stage is certified and all optima before it hold."""
     plan, run, results, reserve = execution.plan, execution.run, execution.results, execution.reserve
-    answer.fields.update(run_object(plan.run.name, results, execution.wall, certified=is_certified(results)))
+    command_result.fields.update(run_object(plan.run.name, results, execution.wall, certified=is_certified(results)))
     code, sentence = verdict(results)
     if code is not ExitCode.DONE:
-        answer.fail(code, sentence)
-    answer.fields["stages"] = stages_object(run, results)
+        command_result.fail(code, sentence)
+    command_result.fields["stages"] = stages_object(run, results)
     for result in results:
         if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
-            answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
+            command_result.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
     if plan.start is not None:
         comparison = execution.comparison
-        answer.fields["compared"] = (
+        command_result.fields["compared"] = (
             None if comparison is None else comparison_object(comparison.reference, [comparison])
         )
     if reserve is not None:
-        answer.fields["reserve"] = reserve.as_object()
+        command_result.fields["reserve"] = reserve.as_object()
     elif run.results and run.inputs.reserve is not None and run.inputs.reserve.found is None:
-        answer.fields["reserve"] = reserve_object(run.stages[-1].stamp.reserve)
+        command_result.fields["reserve"] = reserve_object(run.stages[-1].stamp.reserve)
     message = unreached(run.inputs.reserve)
     if message:
-        answer.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
+        command_result.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
 
 
 def unreached(reserve: ReserveEntry | None) -> str:

@@ -13,8 +13,8 @@ from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
 from airrace.cli import run_tables
-from airrace.cli.answer import render
 from airrace.cli.main import app
+from airrace.cli.printed_result import render
 from airrace.cli.run_tables import comparison_texts, near_miss_table
 from airrace.errors import UsageError
 from airrace.flights.results import Basis, Flight, laps_of, legs_of
