@@ -35,7 +35,7 @@ ANGLE_MAX, ANGLE_AT_QUADS_MAX = 85.0, 40.0
 
 
 class Passing(Enum):
-    """The strictness with which a gate is passed: exactly (the paper), or anywhere inside its window (the rules)."""
+    """The strictness with which a gate is passed: exactly, or anywhere inside its window, as in races."""
 
     POINT = "point"
     WINDOW = "window"
