@@ -79,7 +79,7 @@ def compare(
 
     comparisons = function()
     reference = comparisons[0].reference
-    sources = {comparison.other.label: comparison.other.source for comparison in comparisons}
+    sources = {comparison.flight.label: comparison.flight.source for comparison in comparisons}
     sources = {reference.label: reference.source} | sources
     command_result.fail_if_refuted({label: source.verification for label, source in sources.items()})
     command_result.fields.update(comparison_object(reference, comparisons))

@@ -87,7 +87,7 @@ class FittedLog:
         return recorded_path(path, self.time, places, begin, begin + until)
 
     @property
-    def own(self) -> RecordedPath:
+    def fitted_path(self) -> RecordedPath:
         """What is fitted of it."""
         return self.along(self.places, float(self.recorded.flight.time[-1]))
 
@@ -197,7 +197,7 @@ def fit(
     read = tuple(_read(path, inputs.race, layout) for path in paths)
     race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [log.recorded for log in read])
     race = race if roll is None else Race(race.course, roll.aircraft(race.aircraft), race.air)
-    estimate = estimate_factors(race.aircraft, race.air, [log.own for log in read])
+    estimate = estimate_factors(race.aircraft, race.air, [log.fitted_path for log in read])
     if not (estimate.visible.any() and np.isfinite(estimate.covariance).all()):
         missing = "that takes turns and straights at several speeds; more logs would help"
         refuse(str(paths[0]), 0, f"tells neither drag nor power: {missing}")
@@ -245,7 +245,7 @@ def _correct(estimate: Estimate, race: Race, logs: Sequence[FittedLog], progress
         paths: list[RecordedPath] = []
         for log in logs:
             states = at(np.clip(log.time - log.recorded.offset, 0.0, last))
-            noise = log.own.noise[:, None]
+            noise = log.fitted_path.noise[:, None]
             places = np.stack([states["x"], states["y"], -states["z"]])
             paths.append(log.along(places + noise * random.standard_normal(places.shape), last))
         again = estimate_factors(aircraft, race.air, paths)

@@ -254,7 +254,7 @@ def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[
     }
     if len(comparisons) == 2:
         first, second = comparisons
-        fields["rivals"] = _comparison_object(compare_flights(first.other, second.other))
+        fields["rivals"] = _comparison_object(compare_flights(first.flight, second.flight))
     return fields
 
 
@@ -312,12 +312,12 @@ def reserve_object(state: ReserveState | None) -> dict[str, object] | None:
 def _comparison_object(comparison: Comparison) -> dict[str, object]:
     progress = comparison.progress
     return {
-        **flight_object(comparison.other),
+        **flight_object(comparison.flight),
         "difference_s": finite(comparison.difference),
         "tie": comparison.tie,
         "conditions": [
             {"what": what, "reference": first, "flight": second}
-            for what, first, second in conditions(comparison.reference, comparison.other)
+            for what, first, second in conditions(comparison.reference, comparison.flight)
         ],
         "laps": laps_table(comparison).objects(),
         "costs": _loss_object(time_loss(comparison)),
@@ -336,7 +336,7 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
 
 def _loss_object(time_loss: TimeLoss) -> dict[str, object]:
     return {
-        "flight": time_loss.comparison.other.label,
+        "flight": time_loss.comparison.flight.label,
         "against": time_loss.comparison.reference.label,
         "costliest": [
             {"passing": loss.leg.name, "lost_s": loss.amount, "text": loss.text} for loss in time_loss.costliest
@@ -358,7 +358,7 @@ def _difference_objects(leg: LegComparison) -> list[dict[str, object]]:
         {
             "what": difference.name,
             "reference": difference.reference,
-            "flight": difference.other,
+            "flight": difference.value,
             "unit": difference.unit,
             "text": difference.text,
         }

@@ -121,7 +121,7 @@ class Limit:
         return 0.5 * MARGIN_SHARE * self.between / self.rate
 
     @property
-    def wanted(self) -> float:
+    def negligible_risk_margin(self) -> float:
         """The margin beyond which a risk is negligible."""
         return self.idle + max(MARGIN_MAX * self.sigma - self.allowed, 0.0) / self.rate
 
@@ -346,7 +346,7 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
     fixed = sum(float(limit.risk(np.zeros(()))) for limit in by_key.pop("", []))
     tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
     for row, (key, of_key) in enumerate(by_key.items()):
-        most = min(max(limit.wanted for limit in of_key), min(limit.most for limit in of_key))
+        most = min(max(limit.negligible_risk_margin for limit in of_key), min(limit.most for limit in of_key))
         tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
         least = PRICE_MIN * max(limit.rate / limit.sigma for limit in of_key)
         risks[row] = sum(limit.risk(tried[row]) for limit in of_key)

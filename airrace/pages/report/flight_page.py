@@ -232,7 +232,7 @@ def _range(values: Range, unit: float, digits: int) -> str:
 def loss_section(comparison: Comparison, map_: MapModel) -> str:
     """Return in words what costs the slower of two flights most, and its track in the colours of the time lost."""
     loss = time_loss(comparison)
-    reference, other = loss.comparison.reference, loss.comparison.other
+    reference, other = loss.comparison.reference, loss.comparison.flight
     coloured = by_loss(loss.comparison)
     lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in (other, reference)]
     plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
@@ -244,7 +244,7 @@ def loss_section(comparison: Comparison, map_: MapModel) -> str:
 
 def comparison_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
-    reference, other = comparison.reference, comparison.other
+    reference, other = comparison.reference, comparison.flight
     notes = [
         f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
         *(

@@ -159,7 +159,7 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
     line = np.stack([reference["y"], reference["x"]], axis=1)
     maps = [map_model(reference.race).with_track(line[:, ::-1])]
     for comparison in comparisons:
-        maps.append(maps[-1].with_track(np.stack([comparison.other["x"], comparison.other["y"]], axis=1)))
+        maps.append(maps[-1].with_track(np.stack([comparison.flight["x"], comparison.flight["y"]], axis=1)))
     map_, frame = maps[-1], frame_of(maps[-1])
     height = min(MAP_WIDTH * frame.height / frame.width, 1.5 * MAP_WIDTH)
     figure = new_figure(MAP_WIDTH * len(comparisons), height + 1.2, layout="compressed")
@@ -172,7 +172,7 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
         axes.plot(*line.T, color=GREY, linewidth=1.0, linestyle="dashed", zorder=2)
         for places, colour in replace(track, least=-most, greatest=most).pieces():
             axes.plot(places[:, 1], places[:, 0], color=colour, linewidth=3.0, solid_capstyle="round", zorder=3)
-        axes.set_title(f"{comparison.other.label}: {comparison.difference:+.3f} s", loc="left", fontsize=10)
+        axes.set_title(f"{comparison.flight.label}: {comparison.difference:+.3f} s", loc="left", fontsize=10)
         axes.set(xlabel="east, m", ylabel="north, m")
     scale = ScalarMappable(Normalize(-100.0 * most, 100.0 * most), ListedColormap(LOSS_COLOURS))
     figure.colorbar(scale, ax=panels.tolist(), label="time lost, s in 100 m", shrink=0.6, pad=0.01)
@@ -208,11 +208,11 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
     loss.axhline(0.0, color=BLACK, linewidth=1.0, label=reference.label)
     flights = [(reference, passings, BLACK)]
     for number, comparison in enumerate(comparisons):
-        colour, label = COLOURS[number % len(COLOURS)], f"{comparison.other.label}: {comparison.difference:+.3f} s"
+        colour, label = COLOURS[number % len(COLOURS)], f"{comparison.flight.label}: {comparison.difference:+.3f} s"
         loss.plot(
             comparison.progress.distance, comparison.progress.difference, color=colour, linewidth=1.8, label=label
         )
-        flights.append((comparison.other, comparison.progress.passings, colour))
+        flights.append((comparison.flight, comparison.progress.passings, colour))
     loss.legend(loc="best", fontsize=9, frameon=True, framealpha=0.85)
     for axes, (name, label, factor) in zip(strips, COMPARED, strict=True):
         axes.set_ylabel(label)

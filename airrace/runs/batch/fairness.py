@@ -85,7 +85,7 @@ class Optimum:
 
 @dataclass(frozen=True)
 class NormalisedFlight:
-    """A flight, and the optima of its aircraft in the air that it flew in (`there`) and in still standard air, s.
+    """A flight, and the optima of its aircraft in the air that it flew in (`optimum`) and in still standard air, s.
 
     `race_time` is without penalties, s.
     """
@@ -93,13 +93,13 @@ class NormalisedFlight:
     label: str
     aircraft: str
     race_time: float
-    there: float
+    optimum: float
     standard: float
 
     @property
     def time(self) -> float:
         """What it would have taken in still standard air, s."""
-        return self.standard + self.race_time - self.there
+        return self.standard + self.race_time - self.optimum
 
 
 @dataclass(frozen=True)
@@ -205,11 +205,11 @@ class Fairness:
             columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
         rows: list[list[str | float]] = []
         for flight in self.flights:
-            gap = flight.race_time - flight.there
-            times = (flight.race_time, flight.there, gap, flight.standard, flight.time)
+            gap = flight.race_time - flight.optimum
+            times = (flight.race_time, flight.optimum, gap, flight.standard, flight.time)
             rows.append([flight.label, flight.aircraft, *times])
         notes = ["normalised: standard + gap; penalties are not in it"]
-        if any(flight.race_time < flight.there for flight in self.flights):
+        if any(flight.race_time < flight.optimum for flight in self.flights):
             notes.append("a flight that is faster than its optimum breaks a limit of it, or its air was another")
         return Table("flights as of still standard air", columns, rows, notes)
 

@@ -187,7 +187,7 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
 
 def test_the_legs_come_with_what_differs_and_what_they_come_near_to() -> None:
     comparison = compare_flights(half_cuban().flight(), windy().flight(label="windy"))
-    page = flight_page([comparison.reference, comparison.other])
+    page = flight_page([comparison.reference, comparison.flight])
     cells = set(read(page).texts["td"])
     assert {", ".join(one.text for one in leg.differences) for leg in comparison.legs} <= cells
     assert "Wind: 20 kt from 70 deg against none." in page
