@@ -1,4 +1,5 @@
 from airrace.api.aircraft import estimate_aircraft as estimate_aircraft
+from airrace.api.aircraft import fit as fit
 from airrace.api.courses import check as check
 from airrace.api.courses import schema as schema
 from airrace.api.courses import tracks as tracks
@@ -50,7 +51,6 @@ from airrace.runs.batch.sweep import sweep as sweep
 from airrace.runs.courses import CourseCheck as CourseCheck
 from airrace.runs.courses import init as init
 from airrace.runs.fit import FittedAircraft as FittedAircraft
-from airrace.runs.fit import fit as fit
 from airrace.runs.log_view import LogView as LogView
 from airrace.runs.session import Session as Session
 from airrace.runs.stage_view import StageView as StageView

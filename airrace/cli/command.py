@@ -126,7 +126,7 @@ def _typer_parameter(parameter: inspect.Parameter, *, is_first: bool) -> inspect
         raise TypeError(f"the parameter {parameter.name} has no option")
     type_, several = _command_type(parameter, option)
     is_argument = parameter.kind is not parameter.KEYWORD_ONLY and not option.flags
-    default = parameter.default
+    default = parameter.empty if option.required else parameter.default
     if several and (default is not parameter.empty or (is_argument and not is_first)):
         default = None
     info: Any
