@@ -8,6 +8,8 @@ from airrace.api.optimize import open as open
 from airrace.api.optimize import optimize as optimize
 from airrace.api.optimize import resume as resume
 from airrace.api.run import Run as Run
+from airrace.api.sweeps import fairness as fairness
+from airrace.api.sweeps import sweep as sweep
 from airrace.errors import AirraceError as AirraceError
 from airrace.files.inputs import Inputs as Inputs
 from airrace.files.inputs import load_inputs as load_inputs
@@ -44,10 +46,8 @@ from airrace.procedure.stage import Stage as Stage
 from airrace.race import Race as Race
 from airrace.runs.aircraft import ComparedAircraft as ComparedAircraft
 from airrace.runs.batch import optimize_many as optimize_many
-from airrace.runs.batch.fairness import fairness as fairness
 from airrace.runs.batch.reports import BatchResult as BatchResult
 from airrace.runs.batch.sweep import SweepResult as SweepResult
-from airrace.runs.batch.sweep import sweep as sweep
 from airrace.runs.courses import CourseCheck as CourseCheck
 from airrace.runs.courses import init as init
 from airrace.runs.fit import FittedAircraft as FittedAircraft
