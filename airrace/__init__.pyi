@@ -44,7 +44,7 @@ from airrace.procedure.result import Status as Status
 from airrace.procedure.settings import Settings as Settings
 from airrace.procedure.stage import Stage as Stage
 from airrace.race import Race as Race
-from airrace.runs.aircraft import ComparedAircraft as ComparedAircraft
+from airrace.runs.aircraft_file import ComparedAircraft as ComparedAircraft
 from airrace.runs.batch import optimize_many as optimize_many
 from airrace.runs.batch.reports import BatchResult as BatchResult
 from airrace.runs.batch.sweep import SweepResult as SweepResult

@@ -10,7 +10,7 @@ from airrace.options import Option
 
 if TYPE_CHECKING:
     from airrace.procedure.result import Progress
-    from airrace.runs.aircraft import ComparedAircraft
+    from airrace.runs.aircraft_file import ComparedAircraft
     from airrace.runs.fit import FittedAircraft
 
 
@@ -55,7 +55,7 @@ def estimate_aircraft(
         StorageError: the folder does not exist or takes no files.
     """
     figures = dict(locals())
-    from airrace.runs.aircraft import compare_with_manual
+    from airrace.runs.aircraft_file import compare_with_manual
 
     for name_of_option in ("name", "from_", "output", "force"):
         del figures[name_of_option]
@@ -105,13 +105,13 @@ def fit(
         StorageError: the folder does not exist or takes no files.
     """
     from airrace.errors import UsageError
-    from airrace.files.inputs.log_layout import read_layout, with_columns
+    from airrace.files.inputs.log_columns import read_layout, with_columns
     from airrace.flights.logs.csv_log import ColumnLayout
     from airrace.procedure.result import Silent
-    from airrace.runs.aircraft import read_aircraft_file
+    from airrace.runs.aircraft_file import read_aircraft_file
+    from airrace.runs.execution_plan import document_or_path, read_inputs, value_texts
     from airrace.runs.fit import fit_logs
     from airrace.runs.output import documents_of, ensure_free, write_text
-    from airrace.runs.plan import document_or_path, read_inputs, value_texts
 
     paths = [Path(log) for log in ([logs] if isinstance(logs, str | Path) else logs)]
     if not paths:

@@ -78,8 +78,8 @@ def optimize(
     if not dry_run:  # the solver loads while this process does
         start_early(1 if search in (SearchEffort.OFF, "off") else min(2, threads))  # the other is for what is tried
     from airrace.api.run import fly
+    from airrace.runs.execution_plan import chosen_texts, plan_new_run, read_inputs, value_texts
     from airrace.runs.output import ensure_free, ensure_run_file
-    from airrace.runs.plan import chosen_texts, plan_new_run, read_inputs, value_texts
 
     path = None if output is None else ensure_run_file(output)
     if path is not None:
@@ -154,8 +154,7 @@ def resume(
         start_early()
     from airrace.api.run import fly
     from airrace.errors import UsageError
-    from airrace.runs.output import ensure_free, ensure_run_file
-    from airrace.runs.plan import (
+    from airrace.runs.execution_plan import (
         Changes,
         aircraft_of,
         chosen_texts,
@@ -165,6 +164,7 @@ def resume(
         plan_resumed_run,
         value_texts,
     )
+    from airrace.runs.output import ensure_free, ensure_run_file
     from airrace.runs.run_state import RunState, open_run
 
     changes = Changes(

@@ -18,16 +18,16 @@ from airrace.pages.views.tables import units_named
 from airrace.procedure.result import Progress, Silent
 from airrace.procedure.stage import Stage
 from airrace.runs.execute import Execution, ensure_executable
+from airrace.runs.execution_plan import ExecutionPlan, chosen_texts
 from airrace.runs.flight_sources import report_page, write_flights
 from airrace.runs.output import write_text
-from airrace.runs.plan import ExecutionPlan, chosen_texts
 from airrace.runs.run_state import RunState, compare_stages
 from airrace.runs.stage_data import Brief, Sensitivities
 from airrace.runs.verification import StageVerification, verify_run
 
 if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
-    from airrace.runs.reserve import ReserveCase
+    from airrace.runs.reserve_search import ReserveCase
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_rose import SafetyRose
 
@@ -149,7 +149,7 @@ class Run(RunState):
             InputError: an option is not valid.
             UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
         """
-        from airrace.runs.reserve import fly_reserve, reserve_named  # takes what flies
+        from airrace.runs.reserve_search import fly_reserve, reserve_named  # takes what flies
 
         texts = chosen_texts(
             "rules.reserve",

@@ -58,7 +58,7 @@ def sweep(
     """
     from airrace.runs.batch.planning import parse_sweeps
     from airrace.runs.batch.sweep import ensure_sweep_file, solve_combinations
-    from airrace.runs.plan import value_texts
+    from airrace.runs.execution_plan import value_texts
     from airrace.runs.run_state import RunState, open_run
 
     source = run if isinstance(run, RunState) else open_run(Path(run))
@@ -119,7 +119,7 @@ def fairness(
     from airrace.runs.batch.fairness import OptimumSolver, airs_of, find_fairness, open_flight
     from airrace.runs.batch.planning import parse_sweeps
     from airrace.runs.batch.record import make_folder
-    from airrace.runs.plan import stage_by_name, value_texts
+    from airrace.runs.execution_plan import stage_by_name, value_texts
     from airrace.runtime.process import available_cores
     from airrace.runtime.standard_streams import stem_of
 

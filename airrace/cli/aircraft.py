@@ -9,7 +9,7 @@ from airrace.cli.printed_result import PrintedResult
 from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
-    from airrace.runs.aircraft import ComparedAircraft
+    from airrace.runs.aircraft_file import ComparedAircraft
     from airrace.runs.fit import FittedAircraft
 
 

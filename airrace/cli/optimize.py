@@ -121,7 +121,7 @@ def _fly(command_result: PrintedResult, function: "partial[Run]", *, every: bool
 
 def _add_steps(command_result: PrintedResult, execution: "Execution") -> None:
     """Fill in the result of `--dry-run`."""
-    from airrace.runs.plan import PlannedStage
+    from airrace.runs.execution_plan import PlannedStage
 
     plan = execution.plan
     stages = plan.steps or [PlannedStage(stage, "it is not finished") for stage in plan.stages]

@@ -39,8 +39,8 @@ from airrace.pages.views.stage_tables import (
 from airrace.pages.views.tables import Table
 from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
 from airrace.procedure.stage import STAGES, Stage
+from airrace.runs.execution_plan import in_force
 from airrace.runs.json_objects import legs_object, run_object, stage_object, stamp_object, verification_object
-from airrace.runs.plan import in_force
 from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stored_inputs import stored_documents
 from airrace.runs.verdict import downgrade_stale, is_certified

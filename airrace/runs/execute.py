@@ -18,16 +18,16 @@ from airrace.procedure import procedure
 from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
 from airrace.runs.command_result import CommandResult, ExitCode
+from airrace.runs.execution_plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
-from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX
 from airrace.runs.run_state import RunState, stages_object
 from airrace.runs.verdict import is_certified, one_mesh_note, verdict
 from airrace.runtime import interrupts
 
 if TYPE_CHECKING:
-    from airrace.runs.reserve import ReserveCase
+    from airrace.runs.reserve_search import ReserveCase
 
 logger = logging.getLogger(__name__)
 
@@ -173,7 +173,7 @@ class Execution:
 
     def _keep_reserve(self, *, threads: int, timeout: float | None, progress: Progress) -> None:
         """Fly the run again with the margins of its reserve; store that in its file, and before it every attempt."""
-        from airrace.runs.reserve import fly_reserve  # which takes what flies in closed loop
+        from airrace.runs.reserve_search import fly_reserve  # which takes what flies in closed loop
 
         until = None if timeout is None else time.monotonic() + timeout
 

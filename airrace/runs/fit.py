@@ -37,9 +37,9 @@ from airrace.procedure.result import Progress
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stored_stages import sampler
 from airrace.race import Race
-from airrace.runs.aircraft import AircraftFile, Provenance, aircraft_text
+from airrace.runs.aircraft_file import AircraftFile, AircraftOrigin, aircraft_text
 from airrace.runs.execute import execute
-from airrace.runs.plan import (
+from airrace.runs.execution_plan import (
     plan_new_run,
     read_inputs,
 )
@@ -52,7 +52,7 @@ BOOTSTRAP_REPLICATES = 6
 BIAS_SHARE = 0.5
 """Share of the bias that counts as a standard deviation, for the pilot does not fly the optimum."""
 _MARKS = (("fitted", "to the logs, with its standard deviation"),)
-PROVENANCE = Provenance("An aircraft that is fitted to flight logs", _MARKS, "flight logs")
+PROVENANCE = AircraftOrigin("An aircraft that is fitted to flight logs", _MARKS, "flight logs")
 _COLUMNS = (
     Column("number", key="number"),
     Column("unit", key="unit"),

@@ -242,7 +242,7 @@ def flight_footprint(
     footprint = footprint_of(flight.race, [Track.from_flight(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
     if output is None:
         return footprint
-    from airrace.files.export.footprint import footprint_csv, footprint_geojson, footprint_kml
+    from airrace.files.export.footprint_files import footprint_csv, footprint_geojson, footprint_kml
 
     ensure_footprint_file(output)
     suffix = output.suffix.lower()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from airrace.errors import CheckpointError, NotCertified, UsageError
-from airrace.files.export.csv import Provenance, export_csv
+from airrace.files.export.csv import FlightOrigin, export_csv
 from airrace.files.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.files.inputs import Inputs
 from airrace.flights.results import Flight, Source, Verification, flight_of
@@ -365,8 +365,8 @@ class StageView:
         return stage_page(self.inputs.race, self.result)
 
     @property
-    def _provenance(self) -> Provenance:
-        return Provenance(self.inputs.race.course.name, self.stamp, self.versions.get("airrace", "unknown"))
+    def _provenance(self) -> FlightOrigin:
+        return FlightOrigin(self.inputs.race.course.name, self.stamp, self.versions.get("airrace", "unknown"))
 
     @property
     def _derived(self) -> Derived:

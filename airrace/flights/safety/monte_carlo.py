@@ -15,10 +15,10 @@ from airrace.errors import UsageError
 from airrace.flights.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
-from airrace.flights.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
+from airrace.flights.safety.judge import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
 from airrace.flights.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.flights.safety.pilot import PilotModel
-from airrace.flights.safety.plant import CONTROLS, Plant
+from airrace.flights.safety.plant import CONTROLS, DisturbedPlant
 from airrace.model.frames import rotation
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.result import StageResult
@@ -237,7 +237,7 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
             f"a delay of {pilot.delay:g} s cannot be simulated: the pilot decides every {pilot.sample:g} s, so it must "
             f"be {below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
         )
-    plant = Plant.from_race(race)
+    plant = DisturbedPlant.from_race(race)
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
     undisturbed = fly(loop, UNDISTURBED, 0, [0])
     distances = np.linalg.norm(undisturbed.error[:, :3, 0], axis=1)

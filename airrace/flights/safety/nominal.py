@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.errors import UsageError
-from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, Plant, advance
+from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, DisturbedPlant, advance
 from airrace.model.frames import QUATERNION, product, rotation
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure import stored_stages
@@ -49,7 +49,7 @@ class NominalFlight:
     passing_times: Array
 
     @classmethod
-    def from_optimum(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
+    def from_optimum(cls, race: Race, result: StageResult, plant: DisturbedPlant) -> "NominalFlight":
         """Return the optimum of the stage with six degrees of freedom.
 
         Raises:

@@ -28,7 +28,7 @@ from scipy.special import ndtr
 from airrace.flights.safety.closed_loop import ClosedLoop
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import Scatter
-from airrace.flights.safety.evaluation import (
+from airrace.flights.safety.judge import (
     ANGLE_ALLOWED,
     KINDS,
     LENGTH_ALLOWED,
@@ -88,7 +88,7 @@ class Limit:
 
     Attributes:
         key: of the input that a margin is taken from; empty where none tightens it.
-        kind: of the breach, as `airrace.flights.safety.evaluation` counts it.
+        kind: of the breach, as `airrace.flights.safety.judge` counts it.
         place: the passage, or that in which the leg ends.
         room: from the optimum to what counts as a breach, in the unit of the limit.
         sigma: standard deviation of the room.

@@ -28,7 +28,7 @@ DEGREES = 180.0 / math.pi
 
 
 @dataclass(frozen=True)
-class Histories:
+class StripChart:
     """Histories that share a pair of axes: names, words, and the factor from SI to the unit of the label.
 
     `whole` is the range that is shown; None for what the histories take.
@@ -41,13 +41,13 @@ class Histories:
 
 
 STRIPS = (
-    Histories("speed, kt", 1.0 / KNOT, (("V_K", "over ground"), ("V_A", "true"), ("V_I", "indicated"))),
-    Histories("load, g", 1.0, (("n_z", "n_z"), ("n_y", "n_y"))),
-    Histories("bank, deg", DEGREES, (("mu", "bank"),)),
-    Histories("roll rate, deg/s", DEGREES, (("p_Kbar", "about the path"),)),
-    Histories("angles, deg", DEGREES, (("alpha_A", "attack"), ("beta_A", "sideslip"))),
-    Histories("surfaces, deg", DEGREES, (("eta", "elevator"), ("xi", "aileron"), ("zeta", "rudder"))),
-    Histories("lever", 1.0, (("delta_T", "lever"),), whole=(-0.05, 1.1)),
+    StripChart("speed, kt", 1.0 / KNOT, (("V_K", "over ground"), ("V_A", "true"), ("V_I", "indicated"))),
+    StripChart("load, g", 1.0, (("n_z", "n_z"), ("n_y", "n_y"))),
+    StripChart("bank, deg", DEGREES, (("mu", "bank"),)),
+    StripChart("roll rate, deg/s", DEGREES, (("p_Kbar", "about the path"),)),
+    StripChart("angles, deg", DEGREES, (("alpha_A", "attack"), ("beta_A", "sideslip"))),
+    StripChart("surfaces, deg", DEGREES, (("eta", "elevator"), ("xi", "aileron"), ("zeta", "rudder"))),
+    StripChart("lever", 1.0, (("delta_T", "lever"),), whole=(-0.05, 1.1)),
 )
 """The strips from top to bottom; those of which a flight has no history are left out."""
 
@@ -114,7 +114,7 @@ def _draw_profile(axes: Axes, flight: Flight) -> None:
             axes.annotate(name, place, textcoords="offset points", fontsize=7, color=GREY, **above)
 
 
-def _draw_strip(axes: Axes, flight: Flight, strip: Histories) -> None:
+def _draw_strip(axes: Axes, flight: Flight, strip: StripChart) -> None:
     lines = [(name, words) for name, words in strip.lines if name in flight]
     for number, (name, words) in enumerate(lines):
         values = _without_jumps(name, strip.factor * flight[name])

@@ -25,9 +25,9 @@ from airrace.procedure.result import Silent
 from airrace.procedure.stage import Stage
 from airrace.runs.batch.jobs import Combination, Sweep, combinations, job_name
 from airrace.runs.execute import execute
+from airrace.runs.execution_plan import plan_new_run, plan_resumed_run
 from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
-from airrace.runs.plan import plan_new_run, plan_resumed_run
 from airrace.runs.run_state import RunState, adopt_checkpoint, new_run
 from airrace.runs.stage_data import stage_sensitivities
 from airrace.runs.stage_view import StageView

@@ -90,7 +90,7 @@ def _fly(command_result: CommandResult, job: "Job", path: Path, progress: Progre
     """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
     from airrace.files.inputs import inputs_from_documents
     from airrace.runs.execute import execute_for_command
-    from airrace.runs.plan import plan_resumed_run
+    from airrace.runs.execution_plan import plan_resumed_run
     from airrace.runs.run_state import adopt_checkpoint, new_run
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)

@@ -21,8 +21,8 @@ from airrace.pages.views.tables import Column, Table, Value
 from airrace.procedure.result import Status
 from airrace.procedure.stage import Stage
 from airrace.runs.batch.jobs import Combination, Sweep, combinations, cover
+from airrace.runs.execution_plan import Changes
 from airrace.runs.output import write_text
-from airrace.runs.plan import Changes
 from airrace.runs.run_state import RunState
 from airrace.runs.session import Session, ensure_of_one_stage
 from airrace.runs.stage_view import StageView

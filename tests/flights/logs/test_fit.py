@@ -9,7 +9,7 @@ from command import run as airrace
 
 import airrace.runs.fit as fitting
 from airrace.api.aircraft import fit
-from airrace.runs.aircraft import read_aircraft_file
+from airrace.runs.aircraft_file import read_aircraft_file
 
 pytestmark = pytest.mark.usefixtures("folder")
 

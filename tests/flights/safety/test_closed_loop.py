@@ -12,7 +12,7 @@ from airrace.errors import UsageError
 from airrace.files.inputs.air import Wind, winds_named
 from airrace.flights.safety.closed_loop import Flights, fly
 from airrace.flights.safety.disturbances import UNDISTURBED, Gusts, Scatter
-from airrace.flights.safety.evaluation import Judge, grid_of, measure, together
+from airrace.flights.safety.judge import Judge, grid_of, measure, together
 from airrace.flights.safety.monte_carlo import (
     Count,
     closed_loop_of,

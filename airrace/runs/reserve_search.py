@@ -21,7 +21,7 @@ from airrace.flights.sensitivity.lagrangian import sensitivities
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
-from airrace.runs.plan import Changes
+from airrace.runs.execution_plan import Changes
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX, asked_text
 from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
