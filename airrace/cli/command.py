@@ -84,7 +84,8 @@ def command(
                 render(command_result, _call(function, values), **rendering)
 
         run.__name__, run.__module__ = render.__name__, render.__module__
-        run.__doc__ = help or help_of(function)
+        prose, *_ = _SECTION.split(inspect.getdoc(function) or "")  # sections tell of arguments, results and errors
+        run.__doc__ = help or prose.strip()
         run.__annotations__ = {name: parameter.annotation for name, parameter in signature.parameters.items()}
         run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]  # what `inspect` and typer look up
         return run
@@ -103,11 +104,6 @@ def _call(function: Callable[..., object], values: Mapping[str, Any]) -> partial
             elif parameter.kind is parameter.VAR_POSITIONAL:
                 positional += keywords.pop(parameter.name)
     return partial(function, *positional, **keywords)
-
-
-def help_of(function: Callable[..., object]) -> str:
-    """Return the prose of a docstring, without the sections on arguments, results and errors."""
-    return _SECTION.split(inspect.getdoc(function) or "")[0].strip()
 
 
 def _option(parameter: inspect.Parameter) -> Option | None:
