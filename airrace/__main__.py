@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def exit_code(error: BaseException) -> int:
-    """Say what ended the command line outside of a command, whose own errors are part of its answer; return the code.
+    """Say what ended the command line outside of a command, whose own errors are part of its result; return the code.
 
     Raises:
         BaseException: the error, if it is neither a request to stop nor one of stdout.

@@ -30,6 +30,7 @@ class Option:
         choices: the only texts; empty where its type says which.
         completion: the names that a shell offers besides files.
         written: whether it names a file that the command writes.
+        required: whether the command line needs it though Python does not.
     """
 
     help: str
@@ -40,6 +41,7 @@ class Option:
     choices: tuple[str, ...] = ()
     completion: Literal["", "tracks", "configs", "stages"] = ""
     written: bool = False
+    required: bool = False
 
 
 # What a course, an aircraft, settings and values may be given as.

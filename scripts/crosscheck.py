@@ -40,7 +40,7 @@ from airrace.files.inputs import load_inputs
 from airrace.model.aircraft import Aircraft, inner_loop_parameters
 from airrace.model.environment import Air, atmosphere_parameters
 from airrace.procedure import stored_stages
-from airrace.runs.run import RunState, run_of_checkpoint
+from airrace.runs.run_state import RunState, run_of_checkpoint
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540

@@ -1,5 +1,7 @@
 """Aircraft of one's own: from the figures of a flight manual, and from flight logs."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,7 +9,9 @@ from airrace import options
 from airrace.options import Option
 
 if TYPE_CHECKING:
-    from airrace.runs.aircraft import ComparedAircraft
+    from airrace.procedure.result import Progress
+    from airrace.runs.aircraft_file import ComparedAircraft
+    from airrace.runs.fit import FittedAircraft
 
 
 def _figure(help: str, *flags: str) -> Option:
@@ -51,9 +55,80 @@ def estimate_aircraft(
         StorageError: the folder does not exist or takes no files.
     """
     figures = dict(locals())
-    from airrace.runs.aircraft import compare_with_manual
+    from airrace.runs.aircraft_file import compare_with_manual
 
     for name_of_option in ("name", "from_", "output", "force"):
         del figures[name_of_option]
     figure_texts = {key: text for key, text in figures.items() if text is not None}
     return compare_with_manual(name, figure_texts, template=from_, output=output, force=force)
+
+
+def fit(
+    logs: Annotated[
+        str | Path | Sequence[str | Path], Option("Logs of one aircraft: CSV, GPX, IGC or ACMI.", "LOG...")
+    ],
+    track: Annotated[
+        options.TrackGiven,
+        Option(
+            "The course that they pass, with the wind as far as it is known.",
+            "TRACK",
+            flags=("--course",),
+            completion="tracks",
+        ),
+    ],
+    *,
+    aircraft: Annotated[
+        options.AircraftGiven, Option("Start from this aircraft: a file or a name.", "FILE", completion="configs")
+    ],
+    output: Annotated[
+        str | Path | None,
+        replace(options.output("FILE.yaml", "Write the fitted aircraft here."), required=True),
+    ] = None,
+    mapping: Annotated[str | Path | None, Option("What the columns of CSV files mean.", "FILE.yaml")] = None,
+    columns: options.Columns = (),
+    set: options.Set = (),
+    force: options.Force = False,
+    progress: "Progress | None" = None,
+) -> "FittedAircraft":
+    """Fit drag polar, power and roll rate of an aircraft to logs of races at full power; each log has its own wind.
+
+    The roll rate is found where the roll is recorded. What logs do not show stays as in the aircraft of --aircraft, and
+    is marked so in the file. Bias and scatter are measured on the optimum of the fitted aircraft: a minute or two.
+
+    Args:
+        set: single values of the course that are otherwise.
+        progress: who watches the optimum with which bias and scatter are measured.
+
+    Raises:
+        InputError: course, aircraft, mapping or a log are not valid, or the logs tell too little.
+        UsageError: no log is given, or the file exists.
+        StorageError: the folder does not exist or takes no files.
+    """
+    from airrace.errors import UsageError
+    from airrace.files.inputs.log_columns import read_layout, with_columns
+    from airrace.flights.logs.csv_log import ColumnLayout
+    from airrace.procedure.result import Silent
+    from airrace.runs.aircraft_file import read_aircraft_file
+    from airrace.runs.execution_plan import document_or_path, read_inputs, value_texts
+    from airrace.runs.fit import fit_logs
+    from airrace.runs.output import documents_of, ensure_free, write_text
+
+    paths = [Path(log) for log in ([logs] if isinstance(logs, str | Path) else logs)]
+    if not paths:
+        raise UsageError("a fit needs a log")
+    if any(text.startswith("aircraft.") for text in value_texts(set)):
+        raise UsageError("numbers of the aircraft are changed in its file, from which the fit starts")
+    target = None if output is None else Path(output)
+    source = document_or_path(aircraft)
+    assert source is not None  # for an aircraft is given
+    if target is not None:
+        ensure_free(target, force=force, sources=[*paths, track, source, mapping])
+    inputs, template = read_inputs(track, aircraft, set=set), read_aircraft_file(source)
+    if target is not None:
+        ensure_free(target, force=True, sources=documents_of(inputs))
+    layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
+    fitted = fit_logs(paths, inputs.race, layout, progress or Silent())
+    if target is not None:
+        name = Path(source).stem if isinstance(source, str | Path) else inputs.race.aircraft.name
+        write_text(target, fitted.file_text(template, name))
+    return replace(fitted, path=target)

@@ -49,7 +49,7 @@ def check(
         ensure_drawable(path)
         ensure_free(path, force=force, sources=[track, aircraft, settings])
     from airrace.runs.courses import check_course
-    from airrace.runs.plan import read_inputs
+    from airrace.runs.execution_plan import read_inputs
 
     course = check_course(read_inputs(track, aircraft, settings, set))
     if path is not None:

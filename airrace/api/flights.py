@@ -84,11 +84,11 @@ def import_log(
         StorageError: the system refused to write the file.
     """
     from airrace.errors import UsageError
-    from airrace.files.inputs.log_layout import read_layout, with_columns, with_zone
+    from airrace.files.inputs.log_columns import read_layout, with_columns, with_zone
     from airrace.flights.logs.csv_log import ColumnLayout
+    from airrace.runs.execution_plan import read_inputs
     from airrace.runs.log_view import fly_log_through
     from airrace.runs.output import documents_of, ensure_free
-    from airrace.runs.plan import read_inputs
 
     path = None if output is None else Path(output)
     if path is not None:

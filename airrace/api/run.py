@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, Unpack
 
-from airrace.api import runs
+from airrace.api import optimize
 from airrace.api.safety import SafetyOptions
 from airrace.errors import UsageError
 from airrace.files.checkpoint.atomic import replace_file
@@ -18,16 +18,16 @@ from airrace.pages.views.tables import units_named
 from airrace.procedure.result import Progress, Silent
 from airrace.procedure.stage import Stage
 from airrace.runs.execute import Execution, ensure_executable
+from airrace.runs.execution_plan import ExecutionPlan, chosen_texts
 from airrace.runs.flight_sources import report_page, write_flights
 from airrace.runs.output import write_text
-from airrace.runs.plan import ExecutionPlan, chosen_texts
-from airrace.runs.run import RunState, compare_stages
+from airrace.runs.run_state import RunState, compare_stages
 from airrace.runs.stage_data import Brief, Sensitivities
-from airrace.runs.verification import Verification, verify_run
+from airrace.runs.verification import StageVerification, verify_run
 
 if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
-    from airrace.runs.reserve import ReserveCase
+    from airrace.runs.reserve_search import ReserveCase
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_rose import SafetyRose
 
@@ -65,7 +65,7 @@ def fly(
 
 def _flies_again(threads: int | None, *, progress: bool) -> Callable[[RunState, Sequence[str]], "Run"]:
     """Return what flies a run again with some values set."""
-    return lambda run, values: runs.resume(run, set=values, threads=threads, progress=progress)
+    return lambda run, values: optimize.resume(run, set=values, threads=threads, progress=progress)
 
 
 class Run(RunState):
@@ -88,9 +88,9 @@ class Run(RunState):
         """Return a run of its state."""
         return cls(**{field.name: getattr(state, field.name) for field in fields(RunState)})
 
-    resume = runs.resume
+    resume = optimize.resume
 
-    def verify(self) -> tuple[Verification, ...]:
+    def verify(self) -> tuple[StageVerification, ...]:
         """Measure every certificate again from the stored histories and multipliers alone.
 
         Returns:
@@ -149,7 +149,7 @@ class Run(RunState):
             InputError: an option is not valid.
             UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
         """
-        from airrace.runs.reserve import fly_reserve, reserve_named  # takes what flies
+        from airrace.runs.reserve_search import fly_reserve, reserve_named  # takes what flies
 
         texts = chosen_texts(
             "rules.reserve",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, Union
 
 from airrace import options
 from airrace.api.flights import AnyFlight
-from airrace.api.runs import optimize
+from airrace.api.optimize import optimize
 from airrace.flights.safety.disturbances import (
     DENSITY_ERROR_PERCENT,
     MASS_ERROR_PERCENT,
@@ -113,7 +113,7 @@ def safety(
     from airrace.errors import UsageError
     from airrace.files.inputs.air import winds_named
     from airrace.runs.output import ensure_free
-    from airrace.runs.run import RunState, open_run
+    from airrace.runs.run_state import RunState, open_run
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_files import DOCUMENTS, NUMBERS, ensure_safety_file, write_safety_file
     from airrace.runs.safety_rose import SafetyRose, fly_runs

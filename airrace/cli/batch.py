@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -11,8 +11,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 from airrace import options
-from airrace.cli.answer import Answer
+from airrace.api import sweeps
 from airrace.cli.command import command
+from airrace.cli.printed_result import PrintedResult
 from airrace.options import Option
 from airrace.runs.batch import BatchOptions
 from airrace.runs.command_result import ExitCode
@@ -33,30 +34,32 @@ only what is not finished, or has changed.
 
 @command(BatchOptions, help=BATCH_HELP)
 def batch(
-    answer: Answer,
-    call: "partial[BatchOptions]",
+    command_result: PrintedResult,
+    function: "partial[BatchOptions]",
     *,
     dry_run: options.DryRun = False,
     csv: Annotated[Path | None, Option("Write the table as CSV.", "FILE", written=True)] = None,
     junit: Annotated[Path | None, Option("Write a JUnit report.", "FILE", written=True)] = None,
     markdown: Annotated[Path | None, Option("Write the table as Markdown.", "FILE", written=True)] = None,
 ) -> None:
-    from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
+    from airrace.cli.batch_output import Reports, describe_plan, fill_in_results, watching_batch
     from airrace.runs.batch.supervision import supervise
 
-    answer.fields = {"certified": False, "jobs": []}
+    command_result.fields = {"certified": False, "jobs": []}
     start_time = time.perf_counter()
-    jobs, reports = call(), Reports(csv, junit, markdown)
+    jobs, reports = function(), Reports(csv, junit, markdown)
     if dry_run:
         plan = jobs.checked_plan()
         reports.ensure_writable(plan)
-        describe_plan(answer, plan, quiet=answer.quiet)
+        describe_plan(command_result, plan, quiet=command_result.quiet)
         return
     with jobs.prepared() as (plan, pool):
         reports.ensure_writable(plan)
-        with stopping() as stop_asked, watching_batch(quiet=answer.quiet) as watcher:
+        with stopping() as stop_asked, watching_batch(quiet=command_result.quiet) as watcher:
             results = supervise(plan, pool, jobs, watcher, stop_asked=stop_asked)
-    answer_with(answer, plan, results, reports, wall=time.perf_counter() - start_time, quiet=answer.quiet)
+    fill_in_results(
+        command_result, plan, results, reports, wall=time.perf_counter() - start_time, quiet=command_result.quiet
+    )
 
 
 ONE_REQUEST = 0.3
@@ -96,134 +99,56 @@ ROWS_SHOWN = 30
 """The largest number of combinations that a terminal shows."""
 
 
-def _sweep(
-    run: Annotated[Path, options.RUN_FILE],
-    *,
-    sweep: Annotated[
-        Sequence[str],
-        Option(
-            "Values of a key as --set takes it: a list 0,5,10, a range first:last:step, or a list of both; "
-            "several multiply.",
-            "KEY=VALUES",
-        ),
-    ],
-    stage: Annotated[str, Option("Which stage.", "STAGE", completion="stages")] = "point-mass",
-    set: options.Set = (),
-    output: Annotated[
-        Path | None, options.output("FILE", "Write all combinations, .csv or .parquet (extra: parquet).")
-    ] = None,
-    force: options.Force = False,
-    threads: options.Threads = None,
-    tell: Callable[[int, int], None] | None = None,
-) -> "SweepResult":
-    """Solve one stage of a run under every combination of values, some a second.
-
-    Each is solved from its neighbour and measured like a stage that is solved on one mesh. Routes stay those of the
-    run; `airrace batch` flies every combination from scratch instead.
-    """
-    from airrace.runs.batch.sweep import ensure_sweep_file
-    from airrace.runs.batch.sweep import sweep as solve_sweep
-    from airrace.runs.output import ensure_free
-
-    if output is not None:
-        ensure_sweep_file(output)
-        ensure_free(output, force=force, sources=[run])
-    return solve_sweep(run, sweep, stage=stage, set=set, threads=threads, output=output, tell=tell)
-
-
-@command(_sweep)
-def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
+@command(sweeps.sweep)
+def sweep(command_result: PrintedResult, function: "partial[SweepResult]", *, force: options.Force = False) -> None:
     from airrace.pages.views.plain_text import SafeStream
     from airrace.pages.views.tables import Table
+    from airrace.runs.output import ensure_free
 
+    output = function.keywords["output"]
+    if output is not None:
+        ensure_free(output, force=force, sources=[function.keywords["run"]])
     terminal = SafeStream(sys.stderr, commanded=True)
 
     def tell(done: int, number: int) -> None:
         print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=terminal, flush=True)
 
-    result = call(tell=tell) if not answer.quiet and sys.stderr.isatty() else call()
-    answer.fields.update(result.as_object())
+    result = function(tell=tell) if not command_result.quiet and sys.stderr.isatty() else function()
+    command_result.fields.update(result.as_object())
     table = result.table()
     left = len(table.rows) - ROWS_SHOWN
     more = (f"{left} more; --output writes all",) if left > 0 else ()
-    answer.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
-    answer.add_files(call.keywords["output"])
+    command_result.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
+    command_result.add_files(output)
     if unsolved := len(result.points) - result.solved:
-        answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")
+        command_result.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")
 
 
-def _fairness(
-    track: Annotated[
-        Path, Option("The course: a file, or a name that `airrace tracks` lists.", "TRACK", completion="tracks")
-    ],
+@command(sweeps.fairness)
+def fairness(
+    command_result: PrintedResult,
+    function: "partial[Fairness]",
     *,
-    aircraft: Annotated[
-        Sequence[Path],
-        Option("An aircraft: a file or a name, e.g. pc9; as often as you like.", "FILE", completion="configs"),
-    ] = (),
-    winds: Annotated[
-        str | None, Option("Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's.", "ROSE")
-    ] = None,
-    sweep: Annotated[
-        Sequence[str], Option("Values of another key of the air; as often as you like.", "KEY=VALUES")
-    ] = (),
-    flights: Annotated[
-        Sequence[str],
-        Option("A run or a flight log to normalise; as often as you like.", "FLIGHT", flags=("--flight",)),
-    ] = (),
-    settings: Annotated[Path | None, Option("Settings other than the defaults.", "FILE")] = None,
-    set: Annotated[
-        Sequence[str], Option("Change one value, e.g. rules.n_z_max=9; as often as you like.", "KEY=VALUE")
-    ] = (),
-    until: options.Until = None,
-    cold: Annotated[bool, Option("Find every optimum from the course alone as well, and take the faster one.")] = False,
-    output: Annotated[
-        Path | None,
-        Option("Keep the runs here; a second call takes up what is there.", "DIR", flags=("--output", "-o")),
-    ] = None,
     csv: Annotated[Path | None, Option("Write the optima as CSV.", "FILE", written=True)] = None,
     force: options.Force = False,
-    threads: options.Threads = None,
-    tell: Callable[[str], None] = lambda text: None,
-) -> "Fairness":
-    """Tell what aircraft and air are worth on a course: handicaps, spreads, and times as of still standard air."""
+) -> None:
     from airrace.files.inputs import load_inputs
     from airrace.runs.output import documents_of, ensure_free, write_text
 
-    if csv is not None:
-        ensure_free(csv, force=force, sources=[track, settings, *aircraft, *flights])
-        inputs = load_inputs(track, settings=settings, overrides=set)
-        ensure_free(csv, force=True, sources=documents_of(inputs))
-    from airrace.runs.batch.fairness import fairness
-    from airrace.runs.batch.planning import parse_sweeps
-
-    found = fairness(
-        track,
-        aircraft=aircraft,
-        winds=winds,
-        sweep=parse_sweeps(sweep),
-        flights=flights,
-        settings=settings,
-        set=set,
-        until=until,
-        cold=cold,
-        output=output,
-        threads=threads,
-        tell=tell,
-    )
-    if csv is not None:
-        write_text(csv, found.air_table().csv(".10g"))
-    return found
-
-
-@command(_fairness)
-def fairness(answer: Answer, call: "partial[Fairness]") -> None:
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    result = call() if answer.quiet and call.keywords["csv"] != STANDARD else call(tell=tell)
-    answer.fields.update(result.as_object())
-    answer.add(*result.tables())
-    answer.add_files(call.keywords["csv"])
+    if csv is not None:
+        arguments = function.keywords
+        track, settings = arguments["track"], arguments["settings"]
+        ensure_free(csv, force=force, sources=[track, settings, *arguments["aircraft"], *arguments["flights"]])
+        inputs = load_inputs(track, settings=settings, overrides=arguments["set"])
+        ensure_free(csv, force=True, sources=documents_of(inputs))
+    result = function() if command_result.quiet and csv != STANDARD else function(tell=tell)
+    if csv is not None:
+        write_text(csv, result.air_table().csv(".10g"))
+    command_result.fields.update(result.as_object())
+    command_result.add(*result.tables())
+    command_result.add_files(csv)
     if result.messages:
-        answer.fail(ExitCode.NOT_CERTIFIED, result.messages[0])
+        command_result.fail(ExitCode.NOT_CERTIFIED, result.messages[0])

@@ -1,4 +1,4 @@
-"""What a batch shows: its answer, tables and reports at its end, and a live table or plain lines meanwhile."""
+"""What a batch shows: its result, tables and reports at its end, and a live table or plain lines meanwhile."""
 
 import os
 import re
@@ -17,7 +17,7 @@ from rich.live import Live
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from airrace.cli.answer import full_columns, render, terminal_columns
+from airrace.cli.printed_result import full_columns, render, terminal_columns
 from airrace.errors import Finding
 from airrace.pages.views.plain_text import SafeStream, plain
 from airrace.pages.views.progress_view import commands_cursor
@@ -76,11 +76,11 @@ class Reports:
             ensure_free(*plan.files(), *paths, force=True, sources=plan.read, made=plan.folder)
 
 
-def describe_plan(answer: CommandResult, plan: BatchPlan, *, quiet: bool) -> None:
-    """Fill in the answer of `--dry-run`."""
+def describe_plan(command_result: CommandResult, plan: BatchPlan, *, quiet: bool) -> None:
+    """Fill in the result of `--dry-run`."""
     actions = [step.action for step in plan.steps]
     objects = [step.as_object() for step in plan.steps]
-    answer.fields = {
+    command_result.fields = {
         "jobs": objects,
         "counts": {action: actions.count(action) for action in ("fly", "keep", "refuse")},
     }
@@ -88,22 +88,30 @@ def describe_plan(answer: CommandResult, plan: BatchPlan, *, quiet: bool) -> Non
         lines: list[str] = []
         for step in plan.steps:
             lines.append(f"{step.name}: {step.action}" + (f" ({step.reason})" if step.reason else ""))
-        answer.texts.append("\n".join([*lines, plan_line(plan)]))
-    _fail_for_inputs(answer, plan, [step.result for step in plan.steps if step.result and step.action == "refuse"])
+        command_result.texts.append("\n".join([*lines, plan_line(plan)]))
+    _fail_for_inputs(
+        command_result, plan, [step.result for step in plan.steps if step.result and step.action == "refuse"]
+    )
 
 
-def answer_with(
-    answer: CommandResult, plan: BatchPlan, results: Sequence[JobResult], reports: Reports, *, wall: float, quiet: bool
+def fill_in_results(
+    command_result: CommandResult,
+    plan: BatchPlan,
+    results: Sequence[JobResult],
+    reports: Reports,
+    *,
+    wall: float,
+    quiet: bool,
 ) -> None:
-    """Fill in the answer of a batch, and write its reports.
+    """Fill in the result of a batch, and write its reports.
 
     Raises:
-        StorageError: a report cannot be written; everything else is in the answer by then.
+        StorageError: a report cannot be written; everything else is in the result by then.
     """
     rows = ranking_of(plan, results)
     summaries = wind_summaries(rows)
     code = worst(ExitCode(result.code) if result.code in list(ExitCode) else ExitCode.BUG for result in results)
-    answer.fields = {
+    command_result.fields = {
         "certified": bool(rows) and code is ExitCode.DONE and not plan.findings,
         "wall_s": wall,
         "counts": counts(rows),
@@ -113,11 +121,11 @@ def answer_with(
     if not quiet and STANDARD not in (reports.csv, reports.junit, reports.markdown):
         columns = terminal_columns()
         tables = (*ranking_tables(rows, columns), *wind_tables(summaries, columns))
-        answer.texts.extend(render(table) for table in tables)
-    _fail_for_inputs(answer, plan, results)
+        command_result.texts.extend(render(table) for table in tables)
+    _fail_for_inputs(command_result, plan, results)
     if code is not ExitCode.DONE:
         hint = "; the same command goes on" if code is ExitCode.INTERRUPTED else ""
-        answer.fail(code, f"not all jobs are certified: {counts_words(rows)}{hint}", answer.findings)
+        command_result.fail(code, f"not all jobs are certified: {counts_words(rows)}{hint}", command_result.findings)
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in annotations(rows, plan.findings):
             print(plain(line), file=SafeStream(sys.stderr, commanded=True))
@@ -131,14 +139,14 @@ def answer_with(
             write_text(path, report().encode("utf-8", "backslashreplace").decode())
 
 
-def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[JobResult]) -> None:
+def _fail_for_inputs(command_result: CommandResult, plan: BatchPlan, results: Sequence[JobResult]) -> None:
     """Report all findings, each once."""
     findings = list(dict.fromkeys([*plan.findings, *(finding for result in results for finding in result.findings)]))
     if findings:
         number = len(findings)
         more = [] if number <= FINDINGS_MAX else [Finding("", 0, 0, "", f"and {number - FINDINGS_MAX} more findings")]
         text = f"some input is not valid: {number} finding{'' if number == 1 else 's'}"
-        answer.fail(ExitCode.INVALID_INPUT, text, [*findings[:FINDINGS_MAX], *more])
+        command_result.fail(ExitCode.INVALID_INPUT, text, [*findings[:FINDINGS_MAX], *more])
 
 
 _JOB, _RACE_TIME = Column("job"), Column("race time", "s", ".3f")

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import typer
 from typer.core import TyperCommand
 
-from airrace.cli.answer import answering
 from airrace.cli.completion import COMPLETIONS
+from airrace.cli.printed_result import printed_result
 from airrace.options import Option
 
 # Any, throughout this module: signatures and their types are read at run time, and contexts and parameters belong to
@@ -49,9 +49,9 @@ def command(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a command of a public function and of what renders what that returns.
 
-    What renders takes an answer, the function with the user's arguments, and options of the command line alone. The
-    command takes the arguments and options of both, and `--json`, `--quiet` and `--verbose`; it prints the answer, and
-    ends with its exit code.
+    What renders takes a result to fill in, the function with the user's arguments, and options of the command line
+    alone. The command takes the arguments and options of both, and `--json`, `--quiet` and `--verbose`; it prints the
+    result, and ends with its exit code.
 
     Args:
         function: its arguments with an `Option` are those of the command, its docstring is the help.
@@ -78,13 +78,14 @@ def command(
             bound.apply_defaults()
             values = {parameter.name: _value(parameter, bound.arguments[parameter.name]) for parameter in shown}
             as_json, quiet, verbose = (bool(values.pop(name, False)) for name in _COMMON)
-            with answering(as_json=as_json, quiet=quiet, verbose=verbose) as answer:
-                answer.ensure_room(*(values[name] for name in outputs))
+            with printed_result(as_json=as_json, quiet=quiet, verbose=verbose) as command_result:
+                command_result.ensure_room(*(values[name] for name in outputs))
                 rendering = {name: values.pop(name) for name in renderers}
-                render(answer, _call(function, values), **rendering)
+                render(command_result, _call(function, values), **rendering)
 
         run.__name__, run.__module__ = render.__name__, render.__module__
-        run.__doc__ = help or help_of(function)
+        prose, *_ = _SECTION.split(inspect.getdoc(function) or "")  # sections tell of arguments, results and errors
+        run.__doc__ = help or prose.strip()
         run.__annotations__ = {name: parameter.annotation for name, parameter in signature.parameters.items()}
         run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]  # what `inspect` and typer look up
         return run
@@ -105,11 +106,6 @@ def _call(function: Callable[..., object], values: Mapping[str, Any]) -> partial
     return partial(function, *positional, **keywords)
 
 
-def help_of(function: Callable[..., object]) -> str:
-    """Return the prose of a docstring, without the sections on arguments, results and errors."""
-    return _SECTION.split(inspect.getdoc(function) or "")[0].strip()
-
-
 def _option(parameter: inspect.Parameter) -> Option | None:
     """Return the option that a parameter is annotated with; None where it has none."""
     metadata = get_args(parameter.annotation)[1:] if get_origin(parameter.annotation) is Annotated else ()
@@ -126,7 +122,7 @@ def _typer_parameter(parameter: inspect.Parameter, *, is_first: bool) -> inspect
         raise TypeError(f"the parameter {parameter.name} has no option")
     type_, several = _command_type(parameter, option)
     is_argument = parameter.kind is not parameter.KEYWORD_ONLY and not option.flags
-    default = parameter.default
+    default = parameter.empty if option.required else parameter.default
     if several and (default is not parameter.empty or (is_argument and not is_first)):
         default = None
     info: Any

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.cli.answer import paragraph
+from airrace.cli.printed_result import paragraph
 from airrace.flights.results import Flight
 from airrace.flights.results.clearances import Clearance
 from airrace.flights.results.flight import passings_around

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from airrace import options
 from airrace.api import courses
-from airrace.cli.answer import Answer, paragraph, takes_unicode, terminal_columns
 from airrace.cli.command import command
+from airrace.cli.printed_result import PrintedResult, paragraph, takes_unicode, terminal_columns
 from airrace.options import Option
 from airrace.pages.views.plain_text import one_line
 from airrace.runtime.standard_streams import stem_of
@@ -20,35 +20,35 @@ if TYPE_CHECKING:
 
 
 @command(courses.check)
-def check(answer: Answer, call: "partial[CourseCheck]") -> None:
-    answer.fields = {"track": stem_of(call.keywords["track"]), "valid": False}
-    course = call()
-    answer.fields.update(valid=True, **course.as_object())
-    if answer.shows:
+def check(command_result: PrintedResult, function: "partial[CourseCheck]") -> None:
+    command_result.fields = {"track": stem_of(function.keywords["track"]), "valid": False}
+    course = function()
+    command_result.fields.update(valid=True, **course.as_object())
+    if command_result.shows:
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
 
-        answer.add(*course_tables(course.race))
+        command_result.add(*course_tables(course.race))
         if course.clearances:
-            answer.add(planned_table(course.planned, course.clearances))
+            command_result.add(planned_table(course.planned, course.clearances))
         columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
-        answer.add(plan_view(course.map_model, columns=columns, plain=plain))
+        command_result.add(plan_view(course.map_model, columns=columns, plain=plain))
         if course.warnings:
-            answer.add(remarks_text(course.warnings))
+            command_result.add(remarks_text(course.warnings))
 
 
 @command(courses.begin_course)
-def init(answer: Answer, call: "partial[CourseFile]") -> None:
-    course = call()
-    path, sketched = course.path, call.keywords["from_"] is not None
+def init(command_result: PrintedResult, function: "partial[CourseFile]") -> None:
+    course = function()
+    path, sketched = course.path, function.keywords["from_"] is not None
     remark = f"; fly it with `airrace optimize {path} --until point-mass`"
     if sketched:
         remark = f"; look at it with `airrace check {path}`, for placemarks say little"
     if course.faults:
         remark = f"; put right what is listed, until then `airrace check {path}` refuses it"
-    answer.add_files(path, remark=remark, **(course.as_object() if sketched else {}))
+    command_result.add_files(path, remark=remark, **(course.as_object() if sketched else {}))
     if remarks := [*(remark.text for remark in course.remarks), *course.tasks]:
-        answer.add("\n".join(map(one_line, remarks)))
+        command_result.add("\n".join(map(one_line, remarks)))
 
 
 def _catalogue() -> "Catalogue":
@@ -62,15 +62,15 @@ def _catalogue() -> "Catalogue":
 
 
 @command(_catalogue)
-def tracks(answer: Answer, call: "partial[Catalogue]") -> None:
+def tracks(command_result: PrintedResult, function: "partial[Catalogue]") -> None:
     from airrace.pages.views.tables import Column, Table
 
-    catalogue = call()
-    answer.fields.update(catalogue.as_object())
+    catalogue = function()
+    command_result.fields.update(catalogue.as_object())
     heads = (*map(Column, ("name", "course", "aircraft")), Column("laps", form="d"), Column("passings", form="d"))
     rows = [(track.name, track.title, track.aircraft, track.laps, track.passages) for track in catalogue.tracks]
     aircraft = [(aircraft.name, aircraft.title) for aircraft in catalogue.aircraft]
-    answer.add(
+    command_result.add(
         Table("courses", heads, rows),
         Table("aircraft", (Column("name"), Column("aircraft")), aircraft),
         paragraph(f"rule books (rules: NAME): {', '.join(catalogue.rules)}"),
@@ -78,8 +78,8 @@ def tracks(answer: Answer, call: "partial[Catalogue]") -> None:
 
 
 @command(courses.schema, without=["as_json", "quiet"])
-def schema(answer: Answer, call: "partial[dict[str, object]]") -> None:
-    answer.add(json.dumps(call(), indent=2))
+def schema(command_result: PrintedResult, function: "partial[dict[str, object]]") -> None:
+    command_result.add(json.dumps(function(), indent=2))
 
 
 def _components() -> "tuple[Component, ...]":
@@ -93,21 +93,21 @@ def _components() -> "tuple[Component, ...]":
 
 
 @command(_components)
-def doctor(answer: Answer, call: "partial[tuple[Component, ...]]") -> None:
+def doctor(command_result: PrintedResult, function: "partial[tuple[Component, ...]]") -> None:
     from airrace.runs.command_result import ExitCode
 
-    answer.fields = {"healthy": False, "components": []}
-    components = call()
+    command_result.fields = {"healthy": False, "components": []}
+    components = function()
     width = max(len(component.name) for component in components)
     lines: list[str] = []
     for component in components:
         state = component.fault or component.found or f"missing, needed for {component.needed_for}"
         lines.append(f"{component.name:<{width}}  {state}")
-    answer.add("\n".join(lines))
+    command_result.add("\n".join(lines))
     faulty = [component.name for component in components if component.fault]
-    answer.fields.update(healthy=not faulty, components=[asdict(component) for component in components])
+    command_result.fields.update(healthy=not faulty, components=[asdict(component) for component in components])
     if faulty:
-        answer.fail(ExitCode.BUG, f"this installation does not work: {', '.join(faulty)}")
+        command_result.fail(ExitCode.BUG, f"this installation does not work: {', '.join(faulty)}")
 
 
 def _design(
@@ -143,7 +143,7 @@ def _design(
 
 
 @command(_design, without=["as_json", "quiet"])
-def design(answer: Answer, call: "partial[Path | None]") -> None:
-    unsaved = call()
+def design(command_result: PrintedResult, function: "partial[Path | None]") -> None:
+    unsaved = function()
     if unsaved is not None:
-        answer.add(f"what was not saved lies in {unsaved}")
+        command_result.add(f"what was not saved lies in {unsaved}")

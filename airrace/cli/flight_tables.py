@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from airrace.cli.answer import PAGE, paragraph, render
+from airrace.cli.printed_result import PAGE, paragraph, render
 from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
 from airrace.flights.logs.violations import select_violations
 from airrace.flights.sensitivity import Activity, Sensitivity
@@ -25,7 +25,7 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
     """
     flight = log.flight()
     race_time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
-    verified = f"; {flight.source.confirmation.remark}" if flight.source.confirmation else ""
+    verified = f"; {flight.source.verification.remark}" if flight.source.verification else ""
     title = f"{flight.label}: race time {race_time}, as flown{verified}"
     yield render(passings_table(flight, title), columns=PAGE)
     if log.violations:

@@ -11,45 +11,45 @@ from typer.core import TyperGroup
 
 from airrace.api import flights
 from airrace.api.flights import WrittenFlights
-from airrace.cli.answer import PAGE, Answer, takes_unicode
 from airrace.cli.command import Command, command
+from airrace.cli.printed_result import PAGE, PrintedResult, takes_unicode
 from airrace.options import Option
 from airrace.runtime.standard_streams import name_of
 
 if TYPE_CHECKING:
     from airrace.files.export.formats import Format
-    from airrace.flights.results import Confirmation
+    from airrace.flights.results import Verification
     from airrace.flights.results.comparison import Comparison
     from airrace.runs.log_view import LogView
     from airrace.runs.stage_data import Brief
 
 
-def _choose_output(answer: Answer, call: "partial[Any]", source: str | Path, suffix: str) -> None:
+def _choose_output(command_result: PrintedResult, function: "partial[Any]", source: str | Path, suffix: str) -> None:
     """Settle the file that is written where the user names none, for stdout has room for one result."""
     from airrace.runs.output import output_path
 
-    call.keywords["output"] = output_path(call.keywords["output"], source, suffix)
-    answer.ensure_room(call.keywords["output"])
+    function.keywords["output"] = output_path(function.keywords["output"], source, suffix)
+    command_result.ensure_room(function.keywords["output"])
 
 
 @command(flights.import_log)
-def import_log(answer: Answer, call: "partial[LogView]") -> None:
+def import_log(command_result: PrintedResult, function: "partial[LogView]") -> None:
     from airrace.cli.flight_tables import log_texts
 
-    log = call.keywords["log"]
-    answer.fields = {"flown": True, "log": name_of(log)}
-    _choose_output(answer, call, log, "h5")
-    view = call()
-    answer.fields.update(view.as_object())
-    if answer.shows:
-        answer.add(*log_texts(view))
-    answer.add_files(call.keywords["output"])
+    log = function.keywords["log"]
+    command_result.fields = {"flown": True, "log": name_of(log)}
+    _choose_output(command_result, function, log, "h5")
+    view = function()
+    command_result.fields.update(view.as_object())
+    if command_result.shows:
+        command_result.add(*log_texts(view))
+    command_result.add_files(function.keywords["output"])
 
 
 @command(flights.brief)
 def brief(
-    answer: Answer,
-    call: "partial[Brief]",
+    command_result: PrintedResult,
+    function: "partial[Brief]",
     *,
     units: flights.Units = "kt-m",
     csv: Annotated[bool, Option("Print comma-separated values, one row per action.")] = False,
@@ -57,88 +57,94 @@ def brief(
     from airrace.errors import UsageError
     from airrace.pages.views.tables import units_named
 
-    if answer.as_json and csv:
+    if command_result.as_json and csv:
         raise UsageError("--json and --csv exclude each other")
-    import_result = call()
-    answer.fields.update(import_result.as_object())
+    import_result = function()
+    command_result.fields.update(import_result.as_object())
     if csv:
-        answer.add(import_result.to_csv())
-    elif answer.shows:
-        answer.add(import_result.table(units_named(units), unicode=takes_unicode()), columns=PAGE)
+        command_result.add(import_result.to_csv())
+    elif command_result.shows:
+        command_result.add(import_result.table(units_named(units), unicode=takes_unicode()), columns=PAGE)
 
 
 @command(flights.compare)
 def compare(
-    answer: Answer,
-    call: "partial[list[Comparison]]",
+    command_result: PrintedResult,
+    function: "partial[list[Comparison]]",
     *,
     all_: Annotated[bool, Option("List the legs that are ties as well.")] = False,
 ) -> None:
     from airrace.cli.run_tables import comparison_texts
     from airrace.runs.json_objects import comparison_object
 
-    comparisons = call()
+    comparisons = function()
     reference = comparisons[0].reference
-    sources = {comparison.other.label: comparison.other.source for comparison in comparisons}
+    sources = {comparison.flight.label: comparison.flight.source for comparison in comparisons}
     sources = {reference.label: reference.source} | sources
-    answer.fail_if_refuted({label: source.confirmation for label, source in sources.items()})
-    answer.fields.update(comparison_object(reference, comparisons))
-    if answer.shows:
-        answer.add(*comparison_texts(comparisons, every=all_))
+    command_result.fail_if_refuted({label: source.verification for label, source in sources.items()})
+    command_result.fields.update(comparison_object(reference, comparisons))
+    if command_result.shows:
+        command_result.add(*comparison_texts(comparisons, every=all_))
 
 
 @command(flights.plot)
-def plot(answer: Answer, call: "partial[WrittenFlights]") -> None:
-    name = call.keywords["flight"]
-    _choose_output(answer, call, name, "kneeboard.png" if call.keywords["kneeboard"] else "png")
-    path = call().path
-    answer.add_files(path, format=path.suffix[1:].lower() or "png", flights=[name])
+def plot(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
+    name = function.keywords["flight"]
+    _choose_output(command_result, function, name, "kneeboard.png" if function.keywords["kneeboard"] else "png")
+    path = function().path
+    command_result.add_files(path, format=path.suffix[1:].lower() or "png", flights=[name])
 
 
 @command(flights.report)
-def report(answer: Answer, call: "partial[WrittenFlights]") -> None:
-    run, *more_flights = call.args
-    _choose_output(answer, call, run, "html")
-    result = call()
-    confirmations = _confirmations(answer, result)
-    answer.fields["verified"] = [confirmation and confirmation.verified for confirmation in confirmations.values()]
-    answer.fields["verification"] = [confirmation and confirmation.words for confirmation in confirmations.values()]
-    answer.add_files(result.path, remark="; any browser opens it", format="html", flights=[str(run), *more_flights])
-    for label, confirmation in confirmations.items():
-        if confirmation is not None:
-            answer.add(f"{label}: {confirmation.remark}")
+def report(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
+    run, *more_flights = function.args
+    _choose_output(command_result, function, run, "html")
+    result = function()
+    verifications = _verifications(command_result, result)
+    command_result.fields["verified"] = [
+        verification and verification.verified for verification in verifications.values()
+    ]
+    command_result.fields["verification"] = [
+        verification and verification.words for verification in verifications.values()
+    ]
+    command_result.add_files(
+        result.path, remark="; any browser opens it", format="html", flights=[str(run), *more_flights]
+    )
+    for label, verification in verifications.items():
+        if verification is not None:
+            command_result.add(f"{label}: {verification.remark}")
 
 
 @command(flights.film)
-def film(answer: Answer, call: "partial[WrittenFlights]") -> None:
+def film(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
     from airrace.pages.views.plain_text import SafeStream
 
-    names = call.args
-    _choose_output(answer, call, names[0], "mp4")
+    names = function.args
+    _choose_output(command_result, function, names[0], "mp4")
     terminal = SafeStream(sys.stderr, commanded=True)
 
     def watch(share: float) -> None:
         print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=terminal, flush=True)
 
-    result = call(watch=watch) if not answer.quiet and sys.stderr.isatty() else call()
-    _confirmations(answer, result)
-    answer.add_files(result.path, format=result.path.suffix[1:].lower(), flights=list(names))
+    result = function(watch=watch) if not command_result.quiet and sys.stderr.isatty() else function()
+    _verifications(command_result, result)
+    command_result.add_files(result.path, format=result.path.suffix[1:].lower(), flights=list(names))
 
 
 @command(flights.card)
-def card(answer: Answer, call: "partial[WrittenFlights]") -> None:
-    name = call.keywords["flight"]
-    _choose_output(answer, call, name, "card.png")
-    result = call()
-    _confirmations(answer, result)
-    answer.add_files(result.path, format="png", flights=[name])
+def card(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
+    name = function.keywords["flight"]
+    _choose_output(command_result, function, name, "card.png")
+    result = function()
+    _verifications(command_result, result)
+    command_result.add_files(result.path, format="png", flights=[name])
 
 
-def _confirmations(answer: Answer, result: WrittenFlights) -> "dict[str, Confirmation | None]":
+def _verifications(command_result: PrintedResult, result: WrittenFlights) -> "dict[str, Verification | None]":
     """Return the outcome of measuring the flights again; one that is refuted fails the command."""
-    confirmations = {flight.label: flight.source.confirmation for flight in result.flights}
-    answer.fail_if_refuted(confirmations)
-    return confirmations
+    verifications = {flight.label: flight.source.verification for flight in result.flights}
+    command_result.fail_if_refuted(verifications)
+    return verifications
 
 
 class _Formats(TyperGroup):
@@ -164,8 +170,8 @@ def _common() -> None:
 
 @export.command("csv", cls=Command)
 @command(flights.export_csv)
-def csv_table(answer: Answer, call: "partial[Sequence[Path]]") -> None:
-    answer.add_files(*call(), format="csv", flights=[call.keywords["flight"]])
+def csv_table(command_result: PrintedResult, function: "partial[Sequence[Path]]") -> None:
+    command_result.add_files(*function(), format="csv", flights=[function.keywords["flight"]])
 
 
 def _formats() -> Mapping[str, "Format"]:
@@ -182,10 +188,10 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
     """Return the subcommand of a format."""
 
     @command(partial(flights.export, form.name), without=[] if form.has_models else ["model"], help=form.help)
-    def write(answer: Answer, call: "partial[Path]") -> None:
-        _, *names = call.args
-        _choose_output(answer, call, names[0], form.suffix or form.name)
-        answer.add_files(call(), format=form.name, flights=names)
+    def write(command_result: PrintedResult, function: "partial[Path]") -> None:
+        _, *names = function.args
+        _choose_output(command_result, function, names[0], form.suffix or form.name)
+        command_result.add_files(function(), format=form.name, flights=names)
 
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.command(form.name, cls=Command)(write)

@@ -126,7 +126,7 @@ def _try(name: str, find: Callable[[], str], needed_for: str = "") -> Component:
     """Return a component that is found by trying it."""
     try:
         return Component(name, find(), needed_for)
-    except Exception as error:  # whatever it is, it is the answer
+    except Exception as error:  # whatever it is, it is what is wrong
         return Component(name, "", needed_for, str(error) or type(error).__name__)
 
 

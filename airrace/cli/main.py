@@ -9,12 +9,12 @@ from typing import Annotated, cast
 import typer
 
 from airrace.cli.aircraft import aircraft, fit
-from airrace.cli.answer import json_line
 from airrace.cli.batch import batch, fairness, sweep
 from airrace.cli.command import Command
 from airrace.cli.courses import check, design, doctor, init, schema, tracks
 from airrace.cli.flights import brief, card, compare, export, film, import_log, plot, report
-from airrace.cli.runs import optimize, resume, sensitivity, show, verify
+from airrace.cli.optimize import optimize, resume, sensitivity, show, verify
+from airrace.cli.printed_result import json_line
 from airrace.cli.safety import footprint, safety
 from airrace.runs.command_result import ExitCode
 

@@ -1,6 +1,6 @@
-"""What `optimize`, `resume` and `show` print: the answer on one screen, and whatever else of a run was asked for.
+"""What `optimize`, `resume` and `show` print: the summary on one screen, and whatever else of a run was asked for.
 
-The answer is race time and verdict, the table of the gates, what limits the flight, the most important remarks, and
+The summary is race time and verdict, the table of the gates, what limits the flight, the most important remarks, and
 the commands that come next.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from airrace.cli.answer import PAGE, command_lines, paragraph, render
+from airrace.cli.printed_result import PAGE, command_lines, paragraph, render
 from airrace.cli.run_tables import (
     ROUTES_MAX,
     distance_tables,
@@ -23,7 +23,7 @@ from airrace.cli.run_tables import (
 from airrace.errors import InputError, UsageError
 from airrace.files.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.files.inputs.objects import is_of_objects
-from airrace.flights.results import Confirmation, Flight, Stamp
+from airrace.flights.results import Flight, Stamp, Verification
 from airrace.flights.results.clearances import near_misses
 from airrace.flights.results.flight_facts import sustained_loads
 from airrace.model.track.course import ClearanceRule
@@ -39,12 +39,12 @@ from airrace.pages.views.stage_tables import (
 from airrace.pages.views.tables import Table
 from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
 from airrace.procedure.stage import STAGES, Stage
-from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
-from airrace.runs.plan import in_force
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.execution_plan import in_force
+from airrace.runs.json_objects import legs_object, run_object, stage_object, stamp_object, verification_object
+from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stored_inputs import stored_documents
 from airrace.runs.verdict import downgrade_stale, is_certified
-from airrace.runs.verification import with_confirmations
+from airrace.runs.verification import with_verifications
 from airrace.runtime.standard_streams import STANDARD, name_of
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ REMARKS_MAX = 3
 
 @dataclass(frozen=True)
 class Parts:
-    """What is shown of a run besides the answer.
+    """What is shown of a run besides the summary.
 
     Attributes:
         stages: the table of the stages.
@@ -88,7 +88,7 @@ class StoredStages:
         path: of its file; None or `-` where there is none to be named.
         every: all stages of the run; those that no longer stand are not certified.
         results: the stages that are shown, in their order.
-        confirmations: the outcome of measuring each of them again; empty for those that were just solved.
+        verifications: the outcome of measuring each of them again; empty for those that were just solved.
         flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
             is none, or where this version of airrace does not accept the stored inputs.
         stage: the name of the stage that the flight belongs to; empty without one.
@@ -99,7 +99,7 @@ class StoredStages:
     path: Path | None
     every: tuple[StageResult, ...]
     results: tuple[StageResult, ...]
-    confirmations: Mapping[Stage, Confirmation]
+    verifications: Mapping[Stage, Verification]
     flight: Flight | None = None
     stage: str = ""
     stamps: Mapping[Stage, Stamp] = field(default_factory=dict[Stage, Stamp])
@@ -107,7 +107,7 @@ class StoredStages:
     @property
     def verified(self) -> bool | None:
         """Whether all stages that are shown are verified; None where some are not, and none is refuted."""
-        outcomes = [confirmation.verified for confirmation in self.confirmations.values()]
+        outcomes = [verification.verified for verification in self.verifications.values()]
         return False if False in outcomes else True if outcomes and all(outcomes) else None
 
     def as_object(self) -> dict[str, object]:
@@ -121,7 +121,7 @@ class StoredStages:
         stages = [
             stage_object(result)
             | legs.get(result.stage.value, {})
-            | confirmation_object(self.confirmations[result.stage])
+            | verification_object(self.verifications[result.stage])
             | ({"stamp": stamp_object(self.stamps[result.stage])} if result.stage in self.stamps else {})
             for result in self.results
         ]
@@ -148,7 +148,7 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
         if stage in (None, stored_stage.result.stage.value)
     ]
     try:
-        run = with_confirmations(ensure_readable(run_of_checkpoint(checkpoint, path)), selected_stages, verify=verify)
+        run = with_verifications(ensure_readable(run_of_checkpoint(checkpoint, path)), selected_stages, verify=verify)
         every = run.valid_results
     except InputError as error:  # the stages may stand on these inputs as they are stored
         refusal = str(error.findings[0])
@@ -160,16 +160,16 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
         names = ", ".join(result.stage.value for result in every) or "none"
         raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
-    confirmations = (
-        run.confirmations if run is not None else {stage_: Confirmation(None, REFUSED) for stage_ in selected_stages}
+    verifications = (
+        run.verifications if run is not None else {stage_: Verification(None, REFUSED) for stage_ in selected_stages}
     )
     if run is not None:
         flight = None if name is None else run.flight(name)
         stamps = {view.stage: view.stamp for view in run.stages}
-        return StoredStages(checkpoint, path, every, results, confirmations, flight, name or "", stamps)
+        return StoredStages(checkpoint, path, every, results, verifications, flight, name or "", stamps)
     if name is not None:
         logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
-    return StoredStages(checkpoint, path, every, results, confirmations)
+    return StoredStages(checkpoint, path, every, results, verifications)
 
 
 def solved_stages(run: RunState) -> StoredStages:
@@ -181,11 +181,11 @@ def solved_stages(run: RunState) -> StoredStages:
 
 
 def run_texts(stored: StoredStages, parts: Parts, further: Iterable[str] = ()) -> Iterator[str]:
-    """Yield the answer, the parts that were asked for, and the next commands, in lines that fit the terminal.
+    """Yield the summary, the parts that were asked for, and the next commands, in lines that fit the terminal.
 
     Args:
         shown: the stages.
-        parts: what is shown besides the answer.
+        parts: what is shown besides the summary.
         further: texts that come before the next commands.
     """
     yield from _answer(stored, every=parts.every)
@@ -241,8 +241,8 @@ def _headline(stored: StoredStages) -> str:
     """Return race time and verdict of the last stage, and whether it was verified where that was a question."""
     last = stored.results[-1]
     race_time = f"{last.trajectory.race_time:.3f} s, " if last.has_race_time else ""
-    confirmation = stored.confirmations.get(last.stage)
-    suffix = f"; {confirmation.outcome}" if confirmation is not None else ""
+    verification = stored.verifications.get(last.stage)
+    suffix = f"; {verification.outcome}" if verification is not None else ""
     return f"{last.stage.value}: {race_time}{verdict_words(last)}{suffix}"
 
 
@@ -251,8 +251,8 @@ def _remarks(stored: StoredStages) -> Iterator[str]:
     for result in reversed(stored.results):
         if result.remarks:
             yield f"{result.stage.value}: {result.remarks}"
-    unverified = {one: found for one, found in stored.confirmations.items() if found.verified is None and found.reason}
-    yield from _confirmation_lines(unverified, len(stored.confirmations))
+    unverified = {one: found for one, found in stored.verifications.items() if found.verified is None and found.reason}
+    yield from _verification_lines(unverified, len(stored.verifications))
     if stored.flight is not None:
         yield from _flight_remarks(stored.flight)
     for result in stored.results:
@@ -326,7 +326,7 @@ def _routes(results: Sequence[StageResult]) -> Iterator[str]:
 
 
 def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:
-    """Yield the gates of a stage other than that of the answer, and its mesh."""
+    """Yield the gates of a stage other than that of the summary, and its mesh."""
     tables: list[Table] = []
     if with_splits and result.splits and result.is_flight:
         outcome = f"race time {result.trajectory.race_time:.3f} s" if result.has_race_time else result.status.value
@@ -347,27 +347,27 @@ def _certificate_texts(stored: StoredStages, results: Sequence[StageResult]) -> 
             stands = result.outcome is Status.SOLVED or not result.certificate.holds
             title = f"{result.stage.value}: " if len(results) > 1 else ""
             yield render(items_table(result.certificate, "" if stands else DOES_NOT_STAND, title), columns=PAGE)
-    confirmations = {
-        result.stage: stored.confirmations[result.stage] for result in results if result.stage in stored.confirmations
+    verifications = {
+        result.stage: stored.verifications[result.stage] for result in results if result.stage in stored.verifications
     }
-    if confirmations:
-        yield from _confirmation_texts(confirmations)
+    if verifications:
+        yield from _verification_texts(verifications)
 
 
-def _confirmation_texts(confirmations: Mapping[Stage, Confirmation]) -> Iterator[str]:
+def _verification_texts(verifications: Mapping[Stage, Verification]) -> Iterator[str]:
     """Yield the outcomes of measuring stages again, and what cannot be verified."""
-    yield "\n".join(map(paragraph, _confirmation_lines(confirmations, len(confirmations))))
-    if any(confirmation.verified for confirmation in confirmations.values()):
+    yield "\n".join(map(paragraph, _verification_lines(verifications, len(verifications))))
+    if any(verification.verified for verification in verifications.values()):
         yield paragraph(CANNOT_VERIFY)
 
 
-def _confirmation_lines(confirmations: Mapping[Stage, Confirmation], count: int) -> Iterator[str]:
+def _verification_lines(verifications: Mapping[Stage, Verification], count: int) -> Iterator[str]:
     """Yield the outcomes of measuring some of `count` stages again, equal words once.
 
     What was refuted the remark on its stage tells.
     """
     alike: dict[str, list[str]] = {}
-    for stage, confirmation in confirmations.items():
-        alike.setdefault(confirmation.remark, []).append(stage.value)
+    for stage, verification in verifications.items():
+        alike.setdefault(verification.remark, []).append(stage.value)
     for words, stages in alike.items():
         yield f"{'all stages' if len(stages) == count > 1 else ', '.join(stages)}: {words}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from airrace.cli.answer import PAGE, number, paragraph, render
+from airrace.cli.printed_result import PAGE, number, paragraph, render
 from airrace.flights.results import Flight, laps_of
 from airrace.flights.results.clearances import NearMiss
 from airrace.flights.results.comparison import TIE, Comparison, compare_flights, conditions
@@ -174,11 +174,11 @@ def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Itera
     if len(comparisons) == 2:
         yield from _pair_texts(*comparisons)
     for comparison in comparisons:
-        yield from _legs_texts(comparison, f"{comparison.other.label}: " if len(comparisons) > 1 else "", every=every)
+        yield from _legs_texts(comparison, f"{comparison.flight.label}: " if len(comparisons) > 1 else "", every=every)
 
 
 def _verdict_lines(comparison: Comparison) -> list[str]:
-    reference, other = comparison.reference, comparison.other
+    reference, other = comparison.reference, comparison.flight
     times = f"{other.race_time:.3f} s and {reference.race_time:.3f} s"
     verdict = f"{abs(comparison.difference):.3f} s {'slower' if comparison.difference > 0.0 else 'faster'} ({times})"
     if math.isnan(comparison.difference):
@@ -189,8 +189,8 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     flights = (other, reference)
     details += [f"{flight.label} is {flight.source.verdict}" for flight in flights if flight.source.certified is False]
     for flight in flights:
-        if flight.source.confirmation is not None:
-            details.append(f"{flight.label}: {flight.source.confirmation.remark}")
+        if flight.source.verification is not None:
+            details.append(f"{flight.label}: {flight.source.verification.remark}")
     first = paragraph(f"{other.label} against {reference.label}: {verdict}")
     return [first, *(paragraph(detail, begin="  ") for detail in details)]
 
@@ -207,10 +207,10 @@ def _loss_texts(comparison: Comparison) -> Iterator[str]:
 
 def _pair_texts(first: Comparison, second: Comparison) -> Iterator[str]:
     """Yield two flights against each other and both against the reference: in words, and in one table of all legs."""
-    between = compare_flights(first.other, second.other)
+    between = compare_flights(first.flight, second.flight)
     yield from _loss_texts(between)
-    labels = [f"{comparison.other.label} lost" for comparison in (first, second)]
-    labels.append(f"{second.other.label} lost against {first.other.label}")
+    labels = [f"{comparison.flight.label} lost" for comparison in (first, second)]
+    labels.append(f"{second.flight.label} lost against {first.flight.label}")
     columns = [Column("leg to"), Column(first.reference.label, "s", ".3f")]
     columns += [Column(label, "s", "+z.3f", wraps=True) for label in labels]
     legs = zip(first.legs, second.legs, between.legs, strict=True)

@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from airrace.api import safety as risks
-from airrace.cli.answer import PAGE, Answer, render
 from airrace.cli.command import command
+from airrace.cli.printed_result import PAGE, PrintedResult, render
 
 if TYPE_CHECKING:
     from airrace.flights.results import Flight
@@ -18,30 +18,30 @@ if TYPE_CHECKING:
 
 
 @command(risks.safety)
-def safety(answer: Answer, call: "partial[SafetyCase | SafetyRose | SafetyRuns]") -> None:
+def safety(command_result: PrintedResult, function: "partial[SafetyCase | SafetyRose | SafetyRuns]") -> None:
     from airrace.runs.command_result import ExitCode
     from airrace.runs.safety_case import SafetyCase
 
-    case = call(progress=not answer.quiet)
+    case = function(progress=not command_result.quiet)
     if isinstance(case, SafetyCase):
         tables, failures = [case.counts_table(), case.gates_table(), case.legs_table()], [case.uncertified]
     else:
         tables, failures = [case.table()], list(case.messages)
-    answer.fields.update(case.as_object())
-    answer.add(*tables)
-    if call.keywords["output"] is not None:
-        answer.add_files(call.keywords["output"])
+    command_result.fields.update(case.as_object())
+    command_result.add(*tables)
+    if function.keywords["output"] is not None:
+        command_result.add_files(function.keywords["output"])
     if any(failures):
-        answer.fail(ExitCode.NOT_CERTIFIED, next(filter(None, failures)))
+        command_result.fail(ExitCode.NOT_CERTIFIED, next(filter(None, failures)))
 
 
 @command(risks.footprint)
-def footprint(answer: Answer, call: "partial[tuple[Footprint, Flight]]") -> None:
-    footprint, flight = call()
-    answer.fields.update(footprint.as_object())
-    if answer.shows:
-        answer.add(*_texts(footprint, flight))
-    answer.add_files(call.keywords["output"])
+def footprint(command_result: PrintedResult, function: "partial[tuple[Footprint, Flight]]") -> None:
+    footprint, flight = function()
+    command_result.fields.update(footprint.as_object())
+    if command_result.shows:
+        command_result.add(*_texts(footprint, flight))
+    command_result.add_files(function.keywords["output"])
 
 
 def _texts(footprint: "Footprint", flight: "Flight") -> Iterator[str]:

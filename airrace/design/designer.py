@@ -13,7 +13,7 @@ import numpy as np
 
 from airrace.design.edits import Edit, Put, edit_document
 from airrace.design.pieces import KINDS, EditableCourse, Spot, layout_of
-from airrace.design.solving import SLIDERS, WIND, AircraftSession, SolveRequest
+from airrace.design.solving import SLIDERS, WIND, AircraftSession, LayoutRequest
 from airrace.errors import UsageError
 from airrace.files.checkpoint.atomic import replace_file
 from airrace.files.inputs import Document, load_inputs
@@ -308,7 +308,7 @@ class Designer:
     def _submit(self) -> None:
         values = tuple(f"{key}={value:g}" for key, value in self._values.items())
         for session in self._sessions:
-            session.submit(SolveRequest(self.track.revision, self.track.document, values))
+            session.submit(LayoutRequest(self.track.revision, self.track.document, values))
 
     def _set_values(self, changes: Message) -> None:
         """Set what-ifs; None takes one back. A wind has a direction and a speed."""

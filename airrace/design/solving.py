@@ -31,8 +31,8 @@ from airrace.procedure.result import Iteration, Silent
 from airrace.procedure.stage import Stage
 from airrace.runs.courses import check_course
 from airrace.runs.execute import execute
-from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
-from airrace.runs.run import RunState
+from airrace.runs.execution_plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
+from airrace.runs.run_state import RunState
 from airrace.runs.session import Session
 from airrace.runs.stage_view import StageView
 from airrace.runtime.process import available_cores
@@ -56,7 +56,7 @@ SLIDERS = (*WIND, "rules.n_z_max", "aircraft.point_mass.roll_rate_max_deg_s")
 
 
 @dataclass(frozen=True)
-class SolveRequest:
+class LayoutRequest:
     """A layout to be solved: the revision of the track file, its text, and overrides of its values."""
 
     revision: int
@@ -76,7 +76,7 @@ class AircraftSession:
         self.aircraft, self._notify = aircraft, notify
         self._lock = threading.Condition()  # of the five fields below, never held for long; tells of other requests
         self._result: dict[str, object] = {"aircraft": aircraft, "busy": "solving"}
-        self._request: SolveRequest | None = None  # None after the end, too
+        self._request: LayoutRequest | None = None  # None after the end, too
         self._run: RunState | None = None
         self._session: Session | None = None
         self._optimum: StageView | None = None  # the last one of the session, from which the next one starts
@@ -84,7 +84,7 @@ class AircraftSession:
         self._solver = ThreadPoolExecutor(1, thread_name_prefix="layout")
         self._background = ThreadPoolExecutor(1, thread_name_prefix="layout in the background")
 
-    def submit(self, request: SolveRequest) -> None:
+    def submit(self, request: LayoutRequest) -> None:
         """Ask for a layout to be solved; a request before it is dropped."""
         with self._lock:
             self._request = request
@@ -139,11 +139,11 @@ class AircraftSession:
             self._result = {**self._result, **fields}
         self._notify()
 
-    def _is_latest(self, request: SolveRequest) -> bool:
+    def _is_latest(self, request: LayoutRequest) -> bool:
         with self._lock:
             return self._request is request
 
-    def _solve(self, request: SolveRequest) -> None:
+    def _solve(self, request: LayoutRequest) -> None:
         """Solve a layout; where the solver process dies, once more by a new one."""
         with self._solving:
             if not self._is_latest(request):
@@ -166,7 +166,7 @@ class AircraftSession:
             if self._request is request:
                 self._background.submit(self._guard, self._search, request)
 
-    def _optimum_of(self, request: SolveRequest) -> StageView:
+    def _optimum_of(self, request: LayoutRequest) -> StageView:
         """Return the optimum of a layout: warm, or from scratch where its passings differ."""
         inputs = load_inputs(request.track, aircraft=self.aircraft, overrides=request.values)
         session, run = self._session, self._run
@@ -178,7 +178,7 @@ class AircraftSession:
             self._open(run)
         return run.stage()
 
-    def _show_optimum(self, request: SolveRequest, view: StageView, note: str = "") -> None:
+    def _show_optimum(self, request: LayoutRequest, view: StageView, note: str = "") -> None:
         self._show(**_view_fields(view), answered=request.revision, note=note, busy="")
         if view.result.holds:
             with self._lock:
@@ -205,7 +205,7 @@ class AircraftSession:
         if ended:
             raise CancelledError
 
-    def _search(self, request: SolveRequest) -> None:
+    def _search(self, request: LayoutRequest) -> None:
         """Check the mesh of a result, and search for other routes, as soon as no request has come for a while."""
         with self._lock:
             is_dropped = self._lock.wait_for(lambda: self._request is not request, SEARCH_DELAY)

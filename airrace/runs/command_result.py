@@ -23,7 +23,7 @@ from airrace.runtime import interrupts
 from airrace.runtime.process import SYSTEM_ERROR
 
 if TYPE_CHECKING:
-    from airrace.flights.results import Confirmation
+    from airrace.flights.results import Verification
 
 
 class ExitCode(IntEnum):
@@ -86,7 +86,7 @@ def of_error(error: BaseException) -> ExitCode:
 
 @dataclass
 class CommandResult:
-    """An answer as far as it is known.
+    """A result as far as it is known.
 
     Attributes:
         fields: the object printed with `--json`; a failing command prints what it holds by then.
@@ -108,11 +108,11 @@ class CommandResult:
             return
         self.code, self.error, self.findings = code, error, findings
 
-    def fail_if_refuted(self, confirmations: "Mapping[str, Confirmation | None]") -> None:
+    def fail_if_refuted(self, verifications: "Mapping[str, Verification | None]") -> None:
         """Record the failure of the first verification that failed of those that are shown, by what they are called."""
-        for name, confirmation in confirmations.items():
-            if confirmation is not None and confirmation.refutation:
-                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {confirmation.refutation}")
+        for name, verification in verifications.items():
+            if verification is not None and verification.refutation:
+                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {verification.refutation}")
 
 
 def empty_result(track: str | None) -> dict[str, object]:
@@ -120,8 +120,8 @@ def empty_result(track: str | None) -> dict[str, object]:
     return {"track": track, "certified": False, "race_time_s": None, "wall_s": None, "stages": []}
 
 
-def record_failure(answer: CommandResult, error: BaseException) -> None:
-    """Turn what ended a command's body into its answer's code, sentence and findings."""
+def record_failure(command_result: CommandResult, error: BaseException) -> None:
+    """Turn what ended a command's body into its result's code, sentence and findings."""
     if debugging():
         traceback.print_exception(error)
     if interrupts.caused(error):
@@ -131,13 +131,15 @@ def record_failure(answer: CommandResult, error: BaseException) -> None:
     match error:
         case InputError():
             count = error.count
-            answer.fail(code, f"the input is not valid: {count} finding{'' if count == 1 else 's'}", error.findings)
+            command_result.fail(
+                code, f"the input is not valid: {count} finding{'' if count == 1 else 's'}", error.findings
+            )
         case KeyboardInterrupt():
-            answer.fail(code, "interrupted")
+            command_result.fail(code, "interrupted")
         case _ if is_lack_of_memory(error):
-            answer.fail(code, "out of memory")
+            command_result.fail(code, "out of memory")
         case _ if code is ExitCode.BUG:
             text = " ".join(f"{type(error).__name__}: {error}".split())
-            answer.fail(code, f"this is a bug: {text} (AIRRACE_DEBUG=1 shows where)")
+            command_result.fail(code, f"this is a bug: {text} (AIRRACE_DEBUG=1 shows where)")
         case _:
-            answer.fail(code, str(error) or type(error).__name__)
+            command_result.fail(code, str(error) or type(error).__name__)

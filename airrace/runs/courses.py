@@ -21,7 +21,7 @@ from airrace.pages.views.drawing import ensure_drawable, save_figure
 from airrace.pages.views.map_model import MapModel, map_model
 from airrace.procedure.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
 from airrace.race import Race
-from airrace.runs.aircraft import read_aircraft_file
+from airrace.runs.aircraft_file import read_aircraft_file
 from airrace.runs.json_objects import planned_object
 from airrace.runs.output import ensure_file_name, ensure_free, write_text
 from airrace.runtime.standard_streams import STANDARD, name_of

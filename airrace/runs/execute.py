@@ -18,16 +18,16 @@ from airrace.procedure import procedure
 from airrace.procedure.result import Progress, StageResult, Status
 from airrace.procedure.schedule import checks_mesh
 from airrace.runs.command_result import CommandResult, ExitCode
+from airrace.runs.execution_plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
-from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX
-from airrace.runs.run import RunState, stages_object
+from airrace.runs.run_state import RunState, stages_object
 from airrace.runs.verdict import is_certified, one_mesh_note, verdict
 from airrace.runtime import interrupts
 
 if TYPE_CHECKING:
-    from airrace.runs.reserve import ReserveCase
+    from airrace.runs.reserve_search import ReserveCase
 
 logger = logging.getLogger(__name__)
 
@@ -173,7 +173,7 @@ class Execution:
 
     def _keep_reserve(self, *, threads: int, timeout: float | None, progress: Progress) -> None:
         """Fly the run again with the margins of its reserve; store that in its file, and before it every attempt."""
-        from airrace.runs.reserve import fly_reserve  # which takes what flies in closed loop
+        from airrace.runs.reserve_search import fly_reserve  # which takes what flies in closed loop
 
         until = None if timeout is None else time.monotonic() + timeout
 
@@ -223,11 +223,13 @@ def _execute_locked(
         yield run, result
 
 
-def execute_for_command(answer: CommandResult, plan: ExecutionPlan, *, threads: int, progress: Progress) -> Execution:
-    """Fly the stages that are not reused, and fill in the answer's object, exit code and sentence; return what is done.
+def execute_for_command(
+    command_result: CommandResult, plan: ExecutionPlan, *, threads: int, progress: Progress
+) -> Execution:
+    """Fly the stages that are not reused, and fill in the result's object, exit code and sentence; return what is done.
 
     Args:
-        answer: what the command has to say.
+        command_result: what the command has to say.
         plan: what is to be computed.
         threads: threads that evaluate derivatives.
         progress: who watches.
@@ -237,16 +239,18 @@ def execute_for_command(answer: CommandResult, plan: ExecutionPlan, *, threads: 
         for _ in execution.steps(threads=threads, progress=progress):
             pass
     except BaseException as error:
-        record_end(answer, execution, error)
+        record_end(command_result, execution, error)
     else:
-        summarise(answer, execution)
+        summarise(command_result, execution)
     return execution
 
 
-def record_end(answer: CommandResult, execution: Execution, error: BaseException, timeout: float | None = None) -> None:
-    """Fill in the answer with what is finished when an error ends an execution.
+def record_end(
+    command_result: CommandResult, execution: Execution, error: BaseException, timeout: float | None = None
+) -> None:
+    """Fill in the result with what is finished when an error ends an execution.
 
-    The end of the time (`timeout`, s) and an interrupt are answers, with a sentence on how to go on; any other error is
+    The end of the time (`timeout`, s) and an interrupt are results, with a sentence on how to go on; any other error is
     raised again. That what is finished cannot be told hides no error.
 
     Raises:
@@ -254,12 +258,12 @@ def record_end(answer: CommandResult, execution: Execution, error: BaseException
     """
     stopped = isinstance(error, OutOfTime) or interrupts.caused(error)
     if isinstance(error, OutOfTime):
-        answer.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(execution)}")
+        command_result.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(execution)}")
     elif stopped:
         interrupts.acknowledge()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
+        command_result.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
     try:
-        summarise(answer, execution)
+        summarise(command_result, execution)
     except Exception:
         if stopped:
             raise
@@ -268,29 +272,29 @@ def record_end(answer: CommandResult, execution: Execution, error: BaseException
         raise error
 
 
-def summarise(answer: CommandResult, execution: Execution) -> None:
-    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold."""
+def summarise(command_result: CommandResult, execution: Execution) -> None:
+    """Fill in the object, and fail the result unless the last stage is certified and all optima before it hold."""
     plan, run, results, reserve = execution.plan, execution.run, execution.results, execution.reserve
-    answer.fields.update(run_object(plan.run.name, results, execution.wall, certified=is_certified(results)))
+    command_result.fields.update(run_object(plan.run.name, results, execution.wall, certified=is_certified(results)))
     code, sentence = verdict(results)
     if code is not ExitCode.DONE:
-        answer.fail(code, sentence)
-    answer.fields["stages"] = stages_object(run, results)
+        command_result.fail(code, sentence)
+    command_result.fields["stages"] = stages_object(run, results)
     for result in results:
         if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
-            answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
+            command_result.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
     if plan.start is not None:
         comparison = execution.comparison
-        answer.fields["compared"] = (
+        command_result.fields["compared"] = (
             None if comparison is None else comparison_object(comparison.reference, [comparison])
         )
     if reserve is not None:
-        answer.fields["reserve"] = reserve.as_object()
+        command_result.fields["reserve"] = reserve.as_object()
     elif run.results and run.inputs.reserve is not None and run.inputs.reserve.found is None:
-        answer.fields["reserve"] = reserve_object(run.stages[-1].stamp.reserve)
+        command_result.fields["reserve"] = reserve_object(run.stages[-1].stamp.reserve)
     message = unreached(run.inputs.reserve)
     if message:
-        answer.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
+        command_result.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
 
 
 def unreached(reserve: ReserveEntry | None) -> str:

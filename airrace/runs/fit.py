@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.errors import UsageError
-from airrace.files.inputs.log_layout import read_layout, with_columns
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.deviations import place_roundings
 from airrace.flights.logs.identification import (
@@ -35,23 +33,17 @@ from airrace.model.environment import Air, StaticWind
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.tables import Column, Table
-from airrace.procedure.result import Progress, Silent
+from airrace.procedure.result import Progress
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stored_stages import sampler
 from airrace.race import Race
-from airrace.runs.aircraft import Provenance, aircraft_text, read_aircraft_file
+from airrace.runs.aircraft_file import AircraftFile, AircraftOrigin, aircraft_text
 from airrace.runs.execute import execute
-from airrace.runs.output import documents_of, ensure_free, write_text
-from airrace.runs.plan import (
-    AircraftGiven,
-    TrackGiven,
-    Values,
-    document_or_path,
+from airrace.runs.execution_plan import (
     plan_new_run,
     read_inputs,
-    value_texts,
 )
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runtime.process import available_cores
 from airrace.runtime.standard_streams import stem_of
 
@@ -60,7 +52,7 @@ BOOTSTRAP_REPLICATES = 6
 BIAS_SHARE = 0.5
 """Share of the bias that counts as a standard deviation, for the pilot does not fly the optimum."""
 _MARKS = (("fitted", "to the logs, with its standard deviation"),)
-PROVENANCE = Provenance("An aircraft that is fitted to flight logs", _MARKS, "flight logs")
+PROVENANCE = AircraftOrigin("An aircraft that is fitted to flight logs", _MARKS, "flight logs")
 _COLUMNS = (
     Column("number", key="number"),
     Column("unit", key="unit"),
@@ -87,7 +79,7 @@ class FittedLog:
         return recorded_path(path, self.time, places, begin, begin + until)
 
     @property
-    def own(self) -> RecordedPath:
+    def fitted_path(self) -> RecordedPath:
         """What is fitted of it."""
         return self.along(self.places, float(self.recorded.flight.time[-1]))
 
@@ -97,21 +89,21 @@ class FittedAircraft:
     """An aircraft that was fitted to logs.
 
     Attributes:
-        path: of its file; None where none is written.
         start, aircraft: before and after.
         estimate: factors, winds and their covariance, the bias taken away.
         bias: of the factors, as it was measured, shape (3,).
         roll: the factor of the roll rate; None where it is not visible.
         logs: what was fitted.
+        path: of its file; None where none is written.
     """
 
-    path: Path | None
     start: Aircraft
     aircraft: Aircraft
     estimate: Estimate
     bias: Array
     roll: RollRate | None
     logs: tuple[FittedLog, ...]
+    path: Path | None = None
 
     @property
     def table(self) -> Table:
@@ -138,6 +130,21 @@ class FittedAircraft:
             f"{self.aircraft.name}, fitted to {', '.join(log.path.name for log in self.logs)}", _COLUMNS, rows, notes
         )
 
+    def file_text(self, template: AircraftFile, name: str) -> str:
+        """Return the text of its file, with the numbers that were fitted marked; all others are the template's."""
+        pairs = zip(
+            (("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")),
+            self.estimate.deviations[:FACTORS],
+            self.estimate.visible,
+            strict=True,
+        )
+        deviations = {key: deviation for key, deviation, visible in pairs if visible}
+        if self.roll is not None:
+            rolling = (("roll", "C_lxi"), ("yaw", "C_nxi"), ("point_mass", "p"))
+            deviations |= dict.fromkeys(rolling, self.roll.deviation)
+        relations = {key: f"fitted, +-{100.0 * deviation:.1f} %" for key, deviation in deviations.items()}
+        return aircraft_text(template, name, self.aircraft, relations, origin=PROVENANCE)
+
     @property
     def correlations(self) -> Array:
         """The correlations of the factors, shape (3, 3)."""
@@ -151,73 +158,27 @@ def _numbers(aircraft: Aircraft) -> tuple[tuple[str, str, float], ...]:
     return ("C_D0", "", drag.C_D0), ("k", "", drag.k), ("power", "kW", kilowatts), ("roll rate", "deg/s", rate)
 
 
-def fit(
-    logs: str | Path | Sequence[str | Path],
-    track: TrackGiven,
-    *,
-    aircraft: AircraftGiven,
-    output: str | Path | None = None,
-    force: bool = False,
-    set: Values = (),
-    mapping: str | Path | None = None,
-    columns: Sequence[str] = (),
-    progress: Progress | None = None,
-) -> FittedAircraft:
-    """Fit the drag polar, the power and the roll rate of an aircraft to flight logs of races at full power.
+def fit_logs(paths: Sequence[Path], race: Race, layout: ColumnLayout, progress: Progress) -> FittedAircraft:
+    """Return the aircraft of a race, fitted to the logs of it.
 
     Args:
-        logs: one log or several of the same aircraft, as of `airrace.import_log`; the wind is found for each.
-        track: the course that they pass, see `airrace.optimize`, with the wind as far as it is known.
-        aircraft: from which the fit starts: a shipped one, a file or an `Aircraft`.
-        output: the file of the fitted aircraft; None for none.
-        force: whether an existing file is overwritten.
-        set: single values of the course that are otherwise.
-        mapping, columns: of the logs, see `airrace.import_log`.
+        paths: of the logs; the wind is found for each.
+        race: course, aircraft from which the fit starts, and air.
+        layout: of CSV files.
         progress: who watches the optimum with which bias and scatter are measured.
 
     Raises:
-        InputError: course, aircraft, mapping or a log are not valid, or the logs tell too little.
-        UsageError: no log is given, or the file exists.
-        StorageError: the folder does not exist or takes no files.
+        InputError: a log is not valid, or the logs tell too little.
     """
-    paths = [Path(log) for log in ([logs] if isinstance(logs, str | Path) else logs)]
-    if not paths:
-        raise UsageError("a fit needs a log")
-    if any(text.startswith("aircraft.") for text in value_texts(set)):
-        raise UsageError("numbers of the aircraft are changed in its file, from which the fit starts")
-    target = None if output is None else Path(output)
-    source = document_or_path(aircraft)
-    assert source is not None  # for an aircraft is given
-    if target is not None:
-        ensure_free(target, force=force, sources=[*paths, track, source, mapping])
-    inputs, template = read_inputs(track, aircraft, set=set), read_aircraft_file(source)
-    if target is not None:
-        ensure_free(target, force=True, sources=documents_of(inputs))
-    layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
-    read = tuple(_read(path, inputs.race, layout) for path in paths)
-    race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [log.recorded for log in read])
-    race = race if roll is None else Race(race.course, roll.aircraft(race.aircraft), race.air)
-    estimate = estimate_factors(race.aircraft, race.air, [log.own for log in read])
+    start, logs = race.aircraft, tuple(_read(path, race, layout) for path in paths)
+    roll = measure_roll_rate(start, [log.recorded for log in logs])
+    race = race if roll is None else Race(race.course, roll.aircraft(start), race.air)
+    estimate = estimate_factors(race.aircraft, race.air, [log.fitted_path for log in logs])
     if not (estimate.visible.any() and np.isfinite(estimate.covariance).all()):
         missing = "that takes turns and straights at several speeds; more logs would help"
         refuse(str(paths[0]), 0, f"tells neither drag nor power: {missing}")
-    estimate, bias = _correct(estimate, race, read, progress or Silent())
-    fitted_aircraft = estimate.aircraft(race.aircraft)
-    if target is not None:
-        name = Path(source).stem if isinstance(source, str | Path) else inputs.race.aircraft.name
-        write_text(
-            target, aircraft_text(template, name, fitted_aircraft, _relations(estimate, roll), origin=PROVENANCE)
-        )
-    return FittedAircraft(target, inputs.race.aircraft, fitted_aircraft, estimate, bias, roll, read)
-
-
-def _relations(estimate: Estimate, roll: RollRate | None) -> dict[tuple[str, str], str]:
-    """Return the marks of the numbers that were fitted."""
-    pairs = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), estimate.deviations[:FACTORS], strict=True)
-    deviations = {key: deviation for (key, deviation), visible in zip(pairs, estimate.visible, strict=True) if visible}
-    rolling = (("roll", "C_lxi"), ("yaw", "C_nxi"), ("point_mass", "p"))
-    deviations |= {} if roll is None else dict.fromkeys(rolling, roll.deviation)
-    return {key: f"fitted, +-{100.0 * deviation:.1f} %" for key, deviation in deviations.items()}
+    estimate, bias = _correct(estimate, race, logs, progress)
+    return FittedAircraft(start, estimate.aircraft(race.aircraft), estimate, bias, roll, logs)
 
 
 def _read(path: Path, race: Race, layout: ColumnLayout) -> FittedLog:
@@ -245,7 +206,7 @@ def _correct(estimate: Estimate, race: Race, logs: Sequence[FittedLog], progress
         paths: list[RecordedPath] = []
         for log in logs:
             states = at(np.clip(log.time - log.recorded.offset, 0.0, last))
-            noise = log.own.noise[:, None]
+            noise = log.fitted_path.noise[:, None]
             places = np.stack([states["x"], states["y"], -states["z"]])
             paths.append(log.along(places + noise * random.standard_normal(places.shape), last))
         again = estimate_factors(aircraft, race.air, paths)

@@ -15,14 +15,14 @@ from airrace.files.checkpoint.atomic import replace_file
 from airrace.files.export.formats import formats
 from airrace.files.export.globe import BEGIN, on_globe
 from airrace.flights.logs.reading import is_log
-from airrace.flights.results import Confirmation, Flight
+from airrace.flights.results import Flight, Verification
 from airrace.model.track.course import Origin
 from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.pages.views.stage_tables import claim
 from airrace.procedure.stage import Stage
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.runtime.standard_streams import stem_of
 
@@ -60,17 +60,17 @@ def _open_with_files(
     sources = [_source(name, opened, stage) for name in names]
     labels = _labels(names, sources)
     if verify is not None:
-        from airrace.runs.verification import with_confirmation, with_confirmations  # loads the solver
+        from airrace.runs.verification import with_verification, with_verifications  # loads the solver
 
         for path, run_or_log in opened.items():
             if isinstance(run_or_log, LogView):
-                opened[path] = with_confirmation(run_or_log, verify=verify)
+                opened[path] = with_verification(run_or_log, verify=verify)
             else:
                 stages: set[Stage] = set()
                 for name, source in zip(names, sources, strict=True):
                     if name.path == path and isinstance(source, StageView):
                         stages.add(source.stage)
-                opened[path] = with_confirmations(run_or_log, stages, verify=verify)
+                opened[path] = with_verifications(run_or_log, stages, verify=verify)
         for number, name in enumerate(names):
             if not _is_log(name):
                 sources[number] = _source(name, opened, stage)
@@ -242,7 +242,7 @@ def flight_footprint(
     footprint = footprint_of(flight.race, [Track.from_flight(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
     if output is None:
         return footprint
-    from airrace.files.export.footprint import footprint_csv, footprint_geojson, footprint_kml
+    from airrace.files.export.footprint_files import footprint_csv, footprint_geojson, footprint_kml
 
     ensure_footprint_file(output)
     suffix = output.suffix.lower()
@@ -322,9 +322,9 @@ def report_page(
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
     """
-    from airrace.runs.verification import with_confirmations  # loads the solver
+    from airrace.runs.verification import with_verifications  # loads the solver
 
-    run = with_confirmations(run, [run.stage(stage).stage], verify=verify)
+    run = with_verifications(run, [run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
     flights = [view.flight(), *open_flights(others, verify=verify)]
     return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope)
@@ -337,11 +337,11 @@ def _stage_page(
     from airrace.pages.report.flight_page import flight_page
     from airrace.pages.report.sections import claim_section
 
-    claim_text, confirmation = claim_of(run, view), view.confirmation or Confirmation(None)
+    claim_text, verification = claim_of(run, view), view.verification or Verification(None)
     sections = stage_sections(view, searched_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
-    sections = [claim_section(claim_text, confirmation, view.stamp), *sections]
+    sections = [claim_section(claim_text, verification, view.stamp), *sections]
     return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from airrace.flights.results import Confirmation, Flight, ReserveState, Stamp, laps_of
+from airrace.flights.results import Flight, ReserveState, Stamp, Verification, laps_of
 from airrace.flights.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.flights.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
 from airrace.flights.results.flight import passings_around
@@ -254,7 +254,7 @@ def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[
     }
     if len(comparisons) == 2:
         first, second = comparisons
-        fields["rivals"] = _comparison_object(compare_flights(first.other, second.other))
+        fields["rivals"] = _comparison_object(compare_flights(first.flight, second.flight))
     return fields
 
 
@@ -267,15 +267,15 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "stage": flight.source.stage or None,
         "status": None if flight.source.status is None else flight.source.status.value,
         "certified": flight.source.certified,
-        **({} if (confirmation := flight.source.confirmation) is None else confirmation_object(confirmation)),
+        **({} if (verification := flight.source.verification) is None else verification_object(verification)),
         "race_time_s": finite(flight.race_time),
         "stamp": stamp_object(flight.stamp),
     }
 
 
-def confirmation_object(confirmation: Confirmation) -> dict[str, object]:
+def verification_object(verification: Verification) -> dict[str, object]:
     """Return the outcome of measuring a stage again: `verified` is null where nothing was measured."""
-    return {"verified": confirmation.verified, "verification": confirmation.words}
+    return {"verified": verification.verified, "verification": verification.words}
 
 
 def stamp_object(stamp: Stamp) -> dict[str, object]:
@@ -312,12 +312,12 @@ def reserve_object(state: ReserveState | None) -> dict[str, object] | None:
 def _comparison_object(comparison: Comparison) -> dict[str, object]:
     progress = comparison.progress
     return {
-        **flight_object(comparison.other),
+        **flight_object(comparison.flight),
         "difference_s": finite(comparison.difference),
         "tie": comparison.tie,
         "conditions": [
             {"what": what, "reference": first, "flight": second}
-            for what, first, second in conditions(comparison.reference, comparison.other)
+            for what, first, second in conditions(comparison.reference, comparison.flight)
         ],
         "laps": laps_table(comparison).objects(),
         "costs": _loss_object(time_loss(comparison)),
@@ -336,7 +336,7 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
 
 def _loss_object(time_loss: TimeLoss) -> dict[str, object]:
     return {
-        "flight": time_loss.comparison.other.label,
+        "flight": time_loss.comparison.flight.label,
         "against": time_loss.comparison.reference.label,
         "costliest": [
             {"passing": loss.leg.name, "lost_s": loss.amount, "text": loss.text} for loss in time_loss.costliest
@@ -358,7 +358,7 @@ def _difference_objects(leg: LegComparison) -> list[dict[str, object]]:
         {
             "what": difference.name,
             "reference": difference.reference,
-            "flight": difference.other,
+            "flight": difference.value,
             "unit": difference.unit,
             "text": difference.text,
         }

@@ -12,11 +12,11 @@ from airrace.files.checkpoint import LogCheckpoint, RawLog, StoredHistory, Store
 from airrace.files.export.csv import export_flight_csv
 from airrace.files.inputs import Inputs, inputs_from_documents
 from airrace.flights.logs.violations import Violation
-from airrace.flights.results import Basis, Confirmation, Flight, History, Source, TimedCrossing
+from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing, Verification
 from airrace.flights.results.clearances import with_distances
 from airrace.pages.views.log_tables import passings_table, violations_table
 from airrace.procedure.result import GateSplit
-from airrace.runs.json_objects import confirmation_object, finite, legs_object, stamp_object
+from airrace.runs.json_objects import finite, legs_object, stamp_object, verification_object
 from airrace.runs.output import write_or_return
 from airrace.runs.stage_data import Splits
 from airrace.runs.stored_inputs import library_versions, stored_documents, stored_inputs
@@ -37,12 +37,12 @@ class LogView:
     Attributes:
         inputs: course, aircraft and air, as they were given.
         recorded: what its file holds.
-        confirmation: the outcome of making the flight of the stored log once more; None where that was no question.
+        verification: the outcome of making the flight of the stored log once more; None where that was no question.
     """
 
     inputs: Inputs
     recorded: LogCheckpoint
-    confirmation: Confirmation | None = None
+    verification: Verification | None = None
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -87,7 +87,7 @@ class LogView:
             label or checkpoint.label,
             version=checkpoint.versions.get("airrace", ""),
             remark=" ".join(self.remarks),
-            confirmation=self.confirmation,
+            verification=self.verification,
         )
         return with_distances(Flight(race, source, checkpoint.time, histories, tuple(crossings)))
 
@@ -136,7 +136,7 @@ class LogView:
     def as_object(self) -> dict[str, object]:
         """Return what `airrace show --json` prints of it: SI units and radians, violations in their own units."""
         flight, log = self.flight(), self.recorded.log
-        confirmation = {} if self.confirmation is None else confirmation_object(self.confirmation)
+        verification = {} if self.verification is None else verification_object(self.verification)
         return {
             "flown": True,
             "track": flight.course.name,
@@ -147,7 +147,7 @@ class LogView:
             "begins": log.begins or None,
             "start_in_log_s": log.offset,
             "race_time_s": finite(flight.race_time),
-            **confirmation,
+            **verification,
             "penalty_s": finite(self.penalty),
             "race_over": math.isinf(self.penalty),
             "passings": passings_table(flight).objects(),

@@ -250,7 +250,8 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
         form = ".1f" if unit == "deg" else ".2f"
         heads = (name.replace("load_factor", "n_z"), *(f"{100 * share:g}" for share in SHARES[1:]))
         columns += [
-            Column(head, unit, form, f"{name}_{_key(share)}_{unit}") for head, share in zip(heads, SHARES, strict=True)
+            Column(head, unit, form, f"{name}_{100 * share:g}_{unit}".replace(".", ""))
+            for head, share in zip(heads, SHARES, strict=True)
         ]
         columns.append(Column("", unit, form, f"{name}_mean_{unit}"))
         if at_gates:
@@ -276,7 +277,3 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
     place = "" if at_gates else ", at the worst place of every leg"
     title = f"95 % and 99.7 % of the flights deviate from the optimum by no more than this{place}"
     return Table(title, columns, rows, notes)
-
-
-def _key(share: float) -> str:
-    return f"{100 * share:g}".replace(".", "")

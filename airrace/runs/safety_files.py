@@ -18,8 +18,8 @@ from airrace.flights.results import Flight
 from airrace.flights.results.clearances import least_distances, near_misses
 from airrace.flights.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
 from airrace.flights.safety.closed_loop import LOST
-from airrace.flights.safety.evaluation import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
 from airrace.flights.safety.footprint import Footprint, Track, footprint_of
+from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
 from airrace.flights.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewest
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.browser import browser_path, print_pdf
@@ -46,7 +46,7 @@ from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table,
 from airrace.pages.views.tables import Column, Table, Value
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
 from airrace.runs.stage_view import StageView

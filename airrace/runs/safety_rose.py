@@ -8,7 +8,7 @@ from airrace.errors import InputError, UsageError
 from airrace.files.inputs.air import Wind, overrides_of, winds_named
 from airrace.flights.safety.monte_carlo import LOAD, Count
 from airrace.pages.views.tables import Cell, Column, Table, Value
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import SafetyCase
 
 R = TypeVar("R", bound=RunState)

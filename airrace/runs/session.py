@@ -10,8 +10,8 @@ from airrace.errors import UsageError
 from airrace.files.inputs import Document, Inputs
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_stage import WarmStage
-from airrace.runs.plan import Changes, Values, value_texts
-from airrace.runs.run import RunState, open_run
+from airrace.runs.execution_plan import Changes, Values, value_texts
+from airrace.runs.run_state import RunState, open_run
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import current_versions
 from airrace.runtime.process import available_cores

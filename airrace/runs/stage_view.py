@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from airrace.errors import CheckpointError, NotCertified, UsageError
-from airrace.files.export.csv import Provenance, export_csv
+from airrace.files.export.csv import FlightOrigin, export_csv
 from airrace.files.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.files.inputs import Inputs
-from airrace.flights.results import Confirmation, Flight, Source, flight_of
+from airrace.flights.results import Flight, Source, Verification, flight_of
 from airrace.flights.results.clearances import distance_columns, with_distances
 from airrace.flights.results.derivation import table_columns
 from airrace.flights.results.stamp import Stamp
@@ -92,7 +92,7 @@ class StageView:
         result: all that the procedure handed on: histories, multipliers, attempts, timings.
         versions: the versions of airrace and of the libraries that have computed it.
         stale: why the stage no longer stands, a clause; empty where it does.
-        confirmation: the outcome of measuring it again; None where that was no question.
+        verification: the outcome of measuring it again; None where that was no question.
         attempts: that the search for the run's reserve has made; 0 where it has ended.
     """
 
@@ -100,7 +100,7 @@ class StageView:
     result: StageResult
     versions: Mapping[str, str]
     stale: str = ""
-    confirmation: Confirmation | None = None
+    verification: Verification | None = None
     attempts: int = 0
 
     @property
@@ -224,7 +224,7 @@ class StageView:
             status=self.result.status,
             version=self.versions.get("airrace", ""),
             remark=self.message,
-            confirmation=self.confirmation,
+            verification=self.verification,
             failed=self._failed,
             pilot=self.inputs.pilot,
             reserve=reserve_state(self.inputs.reserve, self.attempts),
@@ -235,8 +235,8 @@ class StageView:
         """The items of the certificate that fail, or what else speaks against it."""
         if self.stale:
             return ("it no longer stands",)
-        if self.confirmation is not None and self.confirmation.refutation:
-            return (self.confirmation.outcome,)
+        if self.verification is not None and self.verification.refutation:
+            return (self.verification.outcome,)
         certificate = self.result.certificate
         return () if certificate is None else tuple(item.name for item in certificate.failed)
 
@@ -365,8 +365,8 @@ class StageView:
         return stage_page(self.inputs.race, self.result)
 
     @property
-    def _provenance(self) -> Provenance:
-        return Provenance(self.inputs.race.course.name, self.stamp, self.versions.get("airrace", "unknown"))
+    def _provenance(self) -> FlightOrigin:
+        return FlightOrigin(self.inputs.race.course.name, self.stamp, self.versions.get("airrace", "unknown"))
 
     @property
     def _derived(self) -> Derived:

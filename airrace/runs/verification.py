@@ -17,7 +17,7 @@ import numpy as np
 from airrace.errors import CheckpointError, InputError, NotCertified, SolverCrash
 from airrace.flights.logs.recording import Recording
 from airrace.flights.logs.violations import Violation
-from airrace.flights.results import Confirmation
+from airrace.flights.results import Verification
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array
@@ -29,7 +29,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.stored_inputs import current_versions, library_versions
 
 if TYPE_CHECKING:
@@ -306,7 +306,7 @@ GUESS = "a guess, of which nothing but its gate splits can be verified"
 
 
 @dataclass(frozen=True)
-class Verification:
+class StageVerification:
     """A stage as stored, as it was measured again, and what speaks against it (empty if nothing).
 
     A stage without an objection holds in all that it claims; `result.certified` tells whether that is everything.
@@ -332,13 +332,16 @@ class Verification:
         return None if self.again is None else self.again.certificate
 
     @property
-    def finding(self) -> str:
+    def outcome(self) -> Verification:
         """The outcome for the stage: what speaks against it, or what was verified."""
         if self.objection:
-            return self.objection
-        if self.certificate is None:
-            return f"verified as {GUESS}"
-        return "verified" if self.result.certified else f"verified as {_claim(self.result)}"
+            return Verification(False, self.objection)
+        return Verification(True, "" if self.result.certified else _claim(self.result))
+
+    @property
+    def finding(self) -> str:
+        """The outcome in words."""
+        return self.objection or self.outcome.words
 
     def as_object(self) -> dict[str, object]:
         stored, again = self.result.certificate, self.certificate
@@ -352,7 +355,7 @@ class Verification:
         }
 
 
-def verify_run(run: RunState, *, versions: bool = True) -> tuple[Verification, ...]:
+def verify_run(run: RunState, *, versions: bool = True) -> tuple[StageVerification, ...]:
     """Measure every stage again, and hold what is stored against that.
 
     Args:
@@ -375,43 +378,40 @@ def verify_run(run: RunState, *, versions: bool = True) -> tuple[Verification, .
         unsolved = [result for result in results if result.outcome is not Status.SOLVED]
         ended = [f"; {result.stage.value} ended {result.outcome.value}" for result in unsolved]
         raise NotCertified(f"there is no certificate in this run{''.join(ended)}")
-    general = list(_of_the_run(run, versions=versions))
-    measured = procedure.recompute(run.inputs.race, run.inputs.settings, results)
-    return tuple(_verification(run, result, again, general) for result, again in measured)
+    of_run = [missing_stages(run.inputs.settings, results)]
+    if versions and (other := other_versions(run.checkpoint.versions, current_versions())):
+        of_run.append(f"{other}, which cannot be confirmed")
+    verifications: list[StageVerification] = []
+    for result, again in procedure.recompute(run.inputs.race, run.inputs.settings, results):
+        objection = run.stale.get(result.stage, "") or _objection(result, again)
+        if result is results[-1]:  # which answers for the whole run
+            if not objection and not result.certified:
+                objection = f"the run ends with it, and it is only {_claim(result)}"
+            objection = in_one_sentence([clause for clause in (objection, *of_run) if clause])
+        verifications.append(StageVerification(result, again if result.is_flight else None, objection))
+    return tuple(verifications)
 
 
-def with_confirmations(run: RunState, shown: Container[Stage], *, verify: bool) -> RunState:
-    """Return a run with what measuring the stages that are shown again tells; a refuted one is not certified.
-
-    Args:
-        run: as it was read.
-        shown: these stages.
-        verify: whether they are measured at all; else they are called not verified.
-    """
-    if verify:
-        return replace(run, confirmations=confirmations(run, shown))
-    unknown = {result.stage: Confirmation(None) for result in run.results if result.stage in shown}
-    return replace(run, confirmations=unknown)
-
-
-def confirmations(run: RunState, wanted: Container[Stage]) -> dict[Stage, Confirmation]:
-    """Measure the stages that are shown again, and tell of each what came of that.
+def with_verifications(run: RunState, shown: Container[Stage], *, verify: bool) -> RunState:
+    """Return a run with the verifications of the stages that are shown; a refuted one is not certified.
 
     A stage that claims nothing, no longer stands, or is of other versions, is not measured.
 
     Args:
         run: as it was read.
-        wanted: the stages that are shown; the last of them answers for those that are missing below it.
+        shown: these stages; the last of them answers for those that are missing below it.
+        verify: whether they are measured at all; else they are called not verified.
     """
-    results = [result for result in run.results if result.stage in wanted]
-    if other := other_versions(run.checkpoint.versions, current_versions()):
-        return {result.stage: Confirmation(None, other) for result in results}
+    results = [result for result in run.results if result.stage in shown]
+    other = other_versions(run.checkpoint.versions, current_versions()) if verify else ""
+    if other or not verify:
+        return replace(run, verifications={result.stage: Verification(None, other) for result in results})
     stale, settings = run.stale, run.inputs.settings
-    outcomes: dict[Stage, Confirmation] = {}
+    outcomes: dict[Stage, Verification] = {}
     rest: list[StageResult] = []
     for result in results:
         if reason := _no_claim(result, stale):
-            outcomes[result.stage] = Confirmation(None, reason)
+            outcomes[result.stage] = Verification(None, reason)
         else:
             rest.append(result)
     while rest:
@@ -419,13 +419,14 @@ def confirmations(run: RunState, wanted: Container[Stage]) -> dict[Stage, Confir
             for result, again in procedure.recompute(run.inputs.race, settings, rest):
                 below = itertools.takewhile(lambda stage, last=result: stage.stage is not last.stage, run.results)
                 missing = missing_stages(settings, [*below, result]) if result is results[-1] else ""
-                outcomes[result.stage] = _confirmation(result, again, missing)
+                objection = "; ".join(filter(None, (_objection(result, again), missing)))
+                outcomes[result.stage] = StageVerification(result, again, objection).outcome
                 rest = rest[1:]
         except CheckpointError as error:
-            outcomes[rest.pop(0).stage] = Confirmation(False, str(error))
+            outcomes[rest.pop(0).stage] = Verification(False, str(error))
         except SolverCrash as error:
-            outcomes[rest.pop(0).stage] = Confirmation(None, str(error))
-    return outcomes
+            outcomes[rest.pop(0).stage] = Verification(None, str(error))
+    return replace(run, verifications=outcomes)
 
 
 def _no_claim(result: StageResult, stale: Mapping[Stage, str]) -> str:
@@ -436,47 +437,16 @@ def _no_claim(result: StageResult, stale: Mapping[Stage, str]) -> str:
     return "" if claims else f"it is {result.status.value}"
 
 
-def _confirmation(result: StageResult, again: StageResult, missing: str) -> Confirmation:
-    clauses = [*_objections(result, again), *filter(None, [missing])]
-    if clauses:
-        return Confirmation(False, in_one_sentence(clauses))
-    return Confirmation(True, "" if result.certified else _claim(result))
-
-
-def _of_the_run(run: RunState, *, versions: bool) -> Iterator[str]:
-    """Yield what speaks against the whole of a run, which its last stage has to answer for."""
-    if missing := missing_stages(run.inputs.settings, run.results):
-        yield missing
-    if versions and (other := other_versions(run.checkpoint.versions, current_versions())):
-        yield f"{other}, which cannot be confirmed"
-
-
-def _verification(run: RunState, result: StageResult, again: StageResult, general: Sequence[str]) -> Verification:
-    measured = again if result.is_flight else None
-    objection = run.stale.get(result.stage, "") or in_one_sentence(_objections(result, measured))
-    if result is run.results[-1]:
-        clauses = [objection or _missing_certificate(result), *general]
-        objection = in_one_sentence([clause for clause in clauses if clause])
-    return Verification(result, measured, objection)
-
-
-def _missing_certificate(result: StageResult) -> str:
-    """Return a clause that says that a run ends with a stage which is not certified; empty if it is."""
-    if result.certified:
-        return ""
-    return f"the run ends with it, and it is only {_claim(result)}"
-
-
 def _claim(result: StageResult) -> str:
     """Return what a stage is that is not certified and not said to be so, a clause."""
     return ROUGH if result.is_rough else ONE_MESH if result.holds else GUESS
 
 
-def _objections(result: StageResult, again: StageResult | None) -> list[str]:
-    """Return clauses that say why a stage is not verified; nothing if it is."""
-    if again is None or result.outcome is not Status.SOLVED:
-        return [f"it ended {result.outcome.value}"]
-    return [*_failures(result, again), *discrepancies(result, again), *inconsistencies(result)]
+def _objection(result: StageResult, again: StageResult) -> str:
+    """Return why a stage is not verified, in one sentence; empty if it is."""
+    if not result.is_flight or result.outcome is not Status.SOLVED:
+        return f"it ended {result.outcome.value}"
+    return in_one_sentence([*_failures(result, again), *discrepancies(result, again), *inconsistencies(result)])
 
 
 def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
@@ -492,25 +462,25 @@ def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
         yield "it was stored as not certified"
 
 
-def with_confirmation(view: LogView, *, verify: bool) -> LogView:
-    """Return a log with what verifying it tells; it is called not verified unless it is to be."""
-    return replace(view, confirmation=confirm_log(view) if verify else Confirmation(None))
+def with_verification(view: LogView, *, verify: bool) -> LogView:
+    """Return a log with its verification; it is called not verified unless it is to be verified."""
+    return replace(view, verification=verify_log(view) if verify else Verification(None))
 
 
-def confirm_log(view: LogView, *, versions: bool = True) -> Confirmation:
-    """Return what making the flight of the stored log once more tells.
+def verify_log(view: LogView, *, versions: bool = True) -> Verification:
+    """Make the flight of the stored log once more, and hold what is stored against it.
 
     Args:
         view: as it was read.
         versions: whether a flight that other versions have made is left alone.
     """
     if versions and (other := other_versions(view.recorded.versions, library_versions())):
-        return Confirmation(None, other)
+        return Verification(None, other)
     try:
         clauses = list(_log_discrepancies(view, flight_again(view)))
     except (CheckpointError, InputError) as error:
         clauses = [str(error)]
-    return Confirmation(False, in_one_sentence(clauses)) if clauses else Confirmation(True)
+    return Verification(False, in_one_sentence(clauses)) if clauses else Verification(True)
 
 
 def flight_again(view: LogView) -> "LogFlight":

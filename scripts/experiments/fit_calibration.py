@@ -22,7 +22,7 @@ import airrace.runs.fit as fitting
 from airrace.model.aircraft import Aircraft
 from airrace.api.run import Run
 from airrace.procedure.stored_stages import sampler
-from airrace.runs.aircraft import read_aircraft_file
+from airrace.runs.aircraft_file import read_aircraft_file
 
 COURSES = ("rovinj_2014", "chiba_2015")
 SPREAD = {"C_D0": 0.15, "k": 0.10, "power": 0.10, "roll": 0.15}

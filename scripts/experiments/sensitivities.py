@@ -29,7 +29,7 @@ from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
-from airrace.runs.run import run_of_checkpoint
+from airrace.runs.run_state import run_of_checkpoint
 from airrace.flights.sensitivity.lagrangian import (sensitivities, CHANGE_SHARE)
 from airrace.flights.sensitivity import Activity, Sensitivity
 

@@ -20,10 +20,10 @@ from hypothesis import strategies as st
 from operations import assert_grows_no_faster_than_its_input
 from typer.testing import CliRunner
 
-from airrace.cli.answer import render
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
+from airrace.cli.printed_result import render
 from airrace.flights.results.planned import planned_flight, remarks_on_line
 from airrace.model.environment import StaticWind
 from airrace.pages.views.map_model import map_model

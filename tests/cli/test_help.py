@@ -45,7 +45,7 @@ def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
 
 def test_a_run_does_not_wait_for_scipy() -> None:
     """It takes a quarter of a second to load, and is wanted at the replay only: it loads beside the solve."""
-    program = "import sys, airrace.cli.runs, airrace.runs, airrace.files.inputs; print('scipy' in sys.modules)"
+    program = "import sys, airrace.cli.optimize, airrace.runs, airrace.files.inputs; print('scipy' in sys.modules)"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["False"]
 

@@ -15,7 +15,7 @@ from fake_optimizer import stage_result
 
 import airrace
 from airrace.cli import run_screen
-from airrace.cli.answer import render
+from airrace.cli.printed_result import render
 from airrace.cli.run_tables import ROUTES_MAX
 from airrace.files.checkpoint import read_checkpoint
 from airrace.files.inputs import load_inputs

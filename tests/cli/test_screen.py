@@ -15,8 +15,8 @@ from command import run
 from example_courses import ROOT
 from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
-from airrace.cli.answer import command_lines
 from airrace.cli.main import app
+from airrace.cli.printed_result import command_lines
 from airrace.cli.run_screen import REMARKS_MAX, Parts, StoredStages, next_commands, run_texts, solved_stages
 from airrace.files.inputs import Document, load_inputs
 from airrace.files.inputs.objects import CourseAndAir, document_of_objects
@@ -24,7 +24,7 @@ from airrace.pages.views.stage_tables import verdict_words
 from airrace.procedure import procedure
 from airrace.procedure.result import Note, NoteKind, SearchReport, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import STAGES, Stage
-from airrace.runs.run import RunState, new_run, open_run
+from airrace.runs.run_state import RunState, new_run, open_run
 from airrace.runtime.standard_streams import STANDARD, name_of
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")

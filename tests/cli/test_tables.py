@@ -11,9 +11,9 @@ import pytest
 import typer
 from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
-from airrace.cli.answer import answering, render
 from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
+from airrace.cli.printed_result import printed_result, render
 from airrace.cli.run_tables import items_table, mesh_table
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.files.inputs import load_inputs
@@ -156,16 +156,16 @@ def test_long_keys_take_two_lines_where_the_terminal_is_narrow() -> None:
 
 
 def test_success_prints_the_object_alone_and_data_alone_is_on_stdout(capsys: pytest.CaptureFixture[str]) -> None:
-    with answering(as_json=True) as answer:
+    with printed_result(as_json=True) as answer:
         answer.fields["track"] = "t"
     printed = capsys.readouterr()
     assert json.loads(printed.out) == {"track": "t"}
     assert printed.err == ""
-    with pytest.raises(typer.Exit), answering(as_json=False):
+    with pytest.raises(typer.Exit), printed_result(as_json=False):
         raise CheckpointError("run.h5: truncated")
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", "airrace: run.h5: truncated\n")
-    with answering(as_json=False):
+    with printed_result(as_json=False):
         logging.getLogger("airrace.somewhere").warning("no compiled kernels: %s", "no compiler")
         logging.getLogger("airrace.somewhere").info("not worth a word")
     assert capsys.readouterr().err == "airrace: warning: no compiled kernels: no compiler\n"
@@ -173,7 +173,7 @@ def test_success_prints_the_object_alone_and_data_alone_is_on_stdout(capsys: pyt
 
 def test_findings_reach_both_people_and_scripts(capsys: pytest.CaptureFixture[str]) -> None:
     finding = Finding("t.yaml", 3, 5, "gates.g1.heading_deg", "missing")
-    with pytest.raises(typer.Exit) as left, answering(as_json=True):
+    with pytest.raises(typer.Exit) as left, printed_result(as_json=True):
         raise InputError([finding])
     printed = capsys.readouterr()
     assert left.value.exit_code == 3
@@ -186,7 +186,7 @@ def test_findings_reach_both_people_and_scripts(capsys: pytest.CaptureFixture[st
 def test_of_many_findings_the_first_are_printed_and_all_are_counted(
     number: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(typer.Exit), answering(as_json=True):
+    with pytest.raises(typer.Exit), printed_result(as_json=True):
         raise InputError([Finding("t.yaml", line, 1, "", "unknown") for line in range(1, number + 1)])
     printed = capsys.readouterr()
     assert len(json.loads(printed.out)["findings"]) == number
@@ -197,7 +197,7 @@ def test_of_many_findings_the_first_are_printed_and_all_are_counted(
 
 
 def test_a_finding_cannot_pass_for_another_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(typer.Exit), answering(as_json=False):
+    with pytest.raises(typer.Exit), printed_result(as_json=False):
         raise InputError([Finding("t.yaml\nairrace: all is well\x1b[2J", 1, 1, "", "unknown")])
     assert capsys.readouterr().err == (
         "t.yaml\u240aairrace: all is well\u241b[2J:1:1: unknown\nairrace: the input is not valid: 1 finding\n"
@@ -209,14 +209,14 @@ def test_a_bug_is_one_line_unless_debugging(
 ) -> None:
     for debug in ("", "0"):
         monkeypatch.setenv("AIRRACE_DEBUG", debug)
-        with pytest.raises(typer.Exit) as left, answering(as_json=False):
+        with pytest.raises(typer.Exit) as left, printed_result(as_json=False):
             raise ValueError("two\nlines")
         printed = capsys.readouterr().err
         assert left.value.exit_code == 1
         assert printed.count("\n") == 1
         assert "this is a bug: ValueError: two lines" in printed
     monkeypatch.setenv("AIRRACE_DEBUG", "1")
-    with pytest.raises(typer.Exit), answering(as_json=False):
+    with pytest.raises(typer.Exit), printed_result(as_json=False):
         raise ValueError("two\nlines")
     assert "Traceback" in capsys.readouterr().err
 
@@ -231,7 +231,7 @@ def test_the_graver_failure_speaks() -> None:
 
 def test_an_error_outranks_what_a_stage_came_to() -> None:
     def fail_twice() -> None:
-        with answering(as_json=False) as answer:
+        with printed_result(as_json=False) as answer:
             answer.fail(ExitCode.NOT_CERTIFIED, "not certified")
             raise StorageError("disk full")
 

@@ -12,7 +12,7 @@ from airrace.files.inputs import load_inputs
 from airrace.procedure import procedure
 from airrace.procedure.result import Status
 from airrace.procedure.stage import Stage
-from airrace.runs.run import run_of_checkpoint
+from airrace.runs.run_state import run_of_checkpoint
 
 TRACKS = Path(__file__).parents[2] / "tracks"
 TRACK = TRACKS / "rovinj_2014.yaml"

@@ -9,7 +9,7 @@ import pytest
 
 from airrace.design import solving
 from airrace.design.designer import Designer, TrackFile
-from airrace.design.solving import AircraftSession, SolveRequest
+from airrace.design.solving import AircraftSession, LayoutRequest
 from airrace.procedure.result import Progress
 from airrace.procedure.stage import Stage
 
@@ -28,7 +28,7 @@ def test_a_run_from_scratch_is_broken_off_by_a_newer_request(track: Path, monkey
     monkeypatch.setattr(solving, "execute", execute)
     session, document = AircraftSession(None, lambda: None), TrackFile(track).document
     for revision in range(3):
-        session.submit(SolveRequest(revision, document, ()))
+        session.submit(LayoutRequest(revision, document, ()))
         assert begun.acquire(timeout=20.0)
     session.close()
     given_up.set()
@@ -50,7 +50,7 @@ def test_the_threads_end_with_the_session(track: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(solving, "execute", execute)
     before = set(threading.enumerate())
     session = AircraftSession(None, lambda: None)
-    session.submit(SolveRequest(0, TrackFile(track).document, ()))
+    session.submit(LayoutRequest(0, TrackFile(track).document, ()))
     session.submit_six_dof()
     assert begun.wait(20.0)
     threads = set(threading.enumerate()) - before
@@ -63,7 +63,7 @@ def test_the_threads_end_with_the_session(track: Path, monkeypatch: pytest.Monke
 
 def test_no_change_that_one_of_several_threads_shows_is_lost(still: Designer, track: Path) -> None:
     session = AircraftSession(None, still._raise_version)
-    session._request = SolveRequest(0, TrackFile(track).document, ())
+    session._request = LayoutRequest(0, TrackFile(track).document, ())
     count, version = 2000, still.version
 
     def show(name: str) -> None:

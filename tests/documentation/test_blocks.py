@@ -24,7 +24,7 @@ from airrace.cli.main import app
 from airrace.files.export import formats
 from airrace.files.inputs import Document, load_inputs
 from airrace.files.inputs.json_schema import LANGUAGES, json_schema
-from airrace.files.inputs.log_layout import read_layout
+from airrace.files.inputs.log_columns import read_layout
 from airrace.files.inputs.schema import read_entry
 from airrace.files.inputs.settings import BatchEntry
 

@@ -16,7 +16,7 @@ from airrace.files.inputs.kinds.kind import CompositeElement, ElementPart, GateD
 from airrace.files.inputs.places import Azimuth, Height, PlacedEntry, Places
 from airrace.model.elementary import sqrt
 from airrace.model.parameters import Parameter, attribute_parameter
-from airrace.model.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
+from airrace.model.track.element import CrossingCandidate, Direction, Drawing, Frame, GateOutput, PlacedElement, Symbols
 from airrace.model.track.gates import NOT_POSITIVE, ZERO, offsets
 from airrace.optimal_control.quantities import Interval, Quantity
 
@@ -40,7 +40,7 @@ OUTPUT = GateOutput(
 
 
 @dataclass(frozen=True)
-class Ring(Standing):
+class Ring(PlacedElement):
     """A ring about a centre, its axis level; `diameter` is that of its opening, m."""
 
     name: str
@@ -61,10 +61,10 @@ class Ring(Standing):
     def axis(self) -> float:
         return self.heading
 
-    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
+    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[CrossingCandidate]:
         ways = {Direction.FORWARD: (0.0,), Direction.REVERSE: (math.pi,), Direction.PLANNED: (0.0, math.pi)}
         return [
-            Crossing(self.position, self.heading + turned + float(offset), 0.0, None, self.heading + turned)
+            CrossingCandidate(self.position, self.heading + turned + float(offset), 0.0, None, self.heading + turned)
             for turned in ways[direction]
             for offset in offsets(4, CROSSING)
         ]

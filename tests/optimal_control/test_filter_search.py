@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from airrace.optimal_control.solvers.bounded_program import Measures, Vector
+from airrace.optimal_control.solvers.bounded_program import Measures, ProgramVector
 from airrace.optimal_control.solvers.filter_search import (
     ETA_PHI,
     GAMMA_PHI,
@@ -43,20 +43,20 @@ class EqualityProgram:
         self.point = self.vector()
         self.point.w[:] = start
 
-    def vector(self) -> Vector:
-        return Vector((len(self.at), len(self.constraint(self.at)), 0, 0))
+    def vector(self) -> ProgramVector:
+        return ProgramVector((len(self.at), len(self.constraint(self.at)), 0, 0))
 
-    def go_to(self, point: Vector) -> None:
+    def go_to(self, point: ProgramVector) -> None:
         self.at, self.functions.f = point.w.copy(), self.objective(point.w)
 
-    def residuals(self, point: Vector, residuals: Vector) -> Measures:
+    def residuals(self, point: ProgramVector, residuals: ProgramVector) -> Measures:
         residuals.w[:], residuals.y[:] = self.gradient(point.w), self.constraint(point.w)
         return measures(np.abs(residuals.y).sum())
 
-    def factorise(self, _: Vector, damping: float) -> bool:
+    def factorise(self, _: ProgramVector, damping: float) -> bool:
         return damping < np.inf
 
-    def solve(self, point: Vector, residuals: Vector, _: np.ndarray, step: Vector) -> None:
+    def solve(self, point: ProgramVector, residuals: ProgramVector, _: np.ndarray, step: ProgramVector) -> None:
         n, A = len(point.w), self.jacobian(point.w)
         matrix = np.block([[np.eye(n), A.T], [A, np.zeros((len(A), len(A)))]])
         step.whole[:] = np.linalg.solve(matrix, -np.concatenate([residuals.w, residuals.y]))
@@ -86,7 +86,7 @@ class Line(EqualityProgram):
             start=np.zeros(1),
         )
 
-    def solve(self, point: Vector, residuals: Vector, _: np.ndarray, step: Vector) -> None:
+    def solve(self, point: ProgramVector, residuals: ProgramVector, _: np.ndarray, step: ProgramVector) -> None:
         step.whole[:] = [1.0, 0.0]
 
 

@@ -19,7 +19,7 @@ from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase,
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT, bounded_program, interior_point
-from airrace.optimal_control.solvers.bounded_program import EQUALITY_WEIGHT, BoundedProgram, Measures, Vector
+from airrace.optimal_control.solvers.bounded_program import EQUALITY_WEIGHT, BoundedProgram, Measures, ProgramVector
 from airrace.optimal_control.solvers.interface import (
     Bounds,
     Ending,
@@ -69,7 +69,7 @@ EVERYTHING = PROBLEMS["everything"]
 # the step
 
 
-def bounded(name: str) -> tuple[BoundedProgram, Vector, Vector, Measures]:
+def bounded(name: str) -> tuple[BoundedProgram, ProgramVector, ProgramVector, Measures]:
     """A program with its bounds, linearised at a random point."""
     problem = PROBLEMS[name]
     layout = Layout(problem)
@@ -88,7 +88,7 @@ def bounded(name: str) -> tuple[BoundedProgram, Vector, Vector, Measures]:
 
 
 @pytest.fixture(params=PROBLEMS, scope="module")
-def at_a_point(request: pytest.FixtureRequest) -> tuple[BoundedProgram, Vector, Vector, Measures]:
+def at_a_point(request: pytest.FixtureRequest) -> tuple[BoundedProgram, ProgramVector, ProgramVector, Measures]:
     return bounded(request.param)
 
 
@@ -111,7 +111,9 @@ def dense(program: BoundedProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
 DAMPING = 100.0  # enough for a step to a minimum from anywhere
 
 
-def test_step_solves_the_linear_conditions(at_a_point: tuple[BoundedProgram, Vector, Vector, Measures]) -> None:
+def test_step_solves_the_linear_conditions(
+    at_a_point: tuple[BoundedProgram, ProgramVector, ProgramVector, Measures],
+) -> None:
     """Those of interior_point.c, written down densely."""
     program, point, residuals, _ = at_a_point
     H, F, C, B = dense(program)
@@ -128,7 +130,7 @@ def test_step_solves_the_linear_conditions(at_a_point: tuple[BoundedProgram, Vec
 
 
 def test_residuals_are_the_violations_of_the_conditions(
-    at_a_point: tuple[BoundedProgram, Vector, Vector, Measures],
+    at_a_point: tuple[BoundedProgram, ProgramVector, ProgramVector, Measures],
 ) -> None:
     program, point, residuals, measures = at_a_point
     functions = program.functions
@@ -151,14 +153,14 @@ def test_residuals_are_the_violations_of_the_conditions(
 
 
 def test_inertia_tells_where_a_step_leads_to_no_minimum(
-    at_a_point: tuple[BoundedProgram, Vector, Vector, Measures],
+    at_a_point: tuple[BoundedProgram, ProgramVector, ProgramVector, Measures],
 ) -> None:
     program, point, _, _ = at_a_point
     assert not program.factorise(point, -1e3 - float((point.z / point.s).sum()))
 
 
 def test_steps_keep_slacks_and_multipliers_positive_and_bring_the_conditions_closer(
-    at_a_point: tuple[BoundedProgram, Vector, Vector, Measures],
+    at_a_point: tuple[BoundedProgram, ProgramVector, ProgramVector, Measures],
 ) -> None:
     program, point, residuals, _ = at_a_point
     assert program.factorise(point, DAMPING)
@@ -255,7 +257,7 @@ def test_where_no_step_is_found_slacks_and_multipliers_are_reset_twice(monkeypat
     products: list[np.ndarray] = []
     barriers: list[float] = []
 
-    def no_step(search: interior_point.FilterSearch, point: Vector, *_: object) -> None:
+    def no_step(search: interior_point.FilterSearch, point: ProgramVector, *_: object) -> None:
         products.append(point.s * point.z)
         barriers.append(search.barrier)
         point.z[:] = 1e6  # whatever led astray

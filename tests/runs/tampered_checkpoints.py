@@ -14,7 +14,7 @@ from airrace.optimal_control.certificate import Certificate, Curvature, Item
 from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure.result import MeshRecord, Note, NoteKind, StageProvenance, StageResult, Status
 from airrace.procedure.stage import Stage
-from airrace.runs.run import run_of_checkpoint
+from airrace.runs.run_state import run_of_checkpoint
 
 Tampering = Callable[[Checkpoint], Checkpoint]
 HOMOTOPY, POINT_MASS, TRANSFER = Stage.HOMOTOPY, Stage.POINT_MASS, Stage.TRANSFER_FUNCTION

@@ -12,7 +12,7 @@ from command import run
 import airrace
 from airrace.files.checkpoint import LogCheckpoint, write_log
 from airrace.runs.log_view import LogView, open_log
-from airrace.runs.verification import confirm_log
+from airrace.runs.verification import verify_log
 
 TRACK = """
 schema: airrace/track/1
@@ -104,6 +104,6 @@ def test_report_and_compare_refuse_a_tampered_flight(view: LogView, tmp_path: Pa
 
 def test_a_flight_of_another_version_is_not_verified_unless_asked(view: LogView) -> None:
     other = open_log(replace(view.recorded, versions={**view.recorded.versions, "numpy": "0.1"}))
-    assert confirm_log(other).verified is None
-    assert confirm_log(other, versions=False).verified
+    assert verify_log(other).verified is None
+    assert verify_log(other, versions=False).verified
     assert math.isnan(view.recorded.log.receiver.noise) is False

@@ -11,7 +11,7 @@ from airrace import estimate_aircraft
 from airrace.errors import UsageError
 from airrace.files.inputs.document import AIRCRAFT
 from airrace.model.dynamics.handling import faults, remarks
-from airrace.runs.aircraft import MEASURES, read_aircraft_file, read_measure
+from airrace.runs.aircraft_file import MEASURES, read_aircraft_file, read_measure
 
 MANUAL = ("--mass", "730kg", "--span", "24.6ft", "--area", "10.44m2", "--power", "315hp", "--stall", "55kt")
 SPEEDS = ("--speed-max", "343km/h", "--climb", "3200ft/min", "--roll-rate", "400", "--n-z", "10g")

@@ -20,10 +20,10 @@ from airrace.procedure.settings import MeshCheck
 from airrace.procedure.stage import Stage
 from airrace.runs.command_result import CommandResult
 from airrace.runs.execute import execute_for_command
+from airrace.runs.execution_plan import plan_resumed_run
 from airrace.runs.json_objects import lap_times, run_object, stage_object
 from airrace.runs.output import FlightName
-from airrace.runs.plan import plan_resumed_run
-from airrace.runs.run import RunState, adopt_checkpoint, new_run
+from airrace.runs.run_state import RunState, adopt_checkpoint, new_run
 from airrace.runs.verdict import is_certified, verdict
 from airrace.runs.verification import inconsistencies, verify_run
 

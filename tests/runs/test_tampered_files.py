@@ -15,7 +15,7 @@ import airrace
 from airrace.errors import CheckpointError, NotCertified
 from airrace.files.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.procedure.stage import Stage
-from airrace.runs.run import open_run
+from airrace.runs.run_state import open_run
 from airrace.runs.verification import verify_run
 
 pytestmark = pytest.mark.usefixtures("measured_once")

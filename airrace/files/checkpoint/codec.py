@@ -11,7 +11,7 @@
     tuple of other records             group of groups 1, 2, ...
     further numbers                    table `summary` of one row
 
-What types do not state, such as units and names that differ, a `Layout` states for the fields of a record.
+What types do not state, such as units and names that differ, a `RecordLayout` states for the fields of a record.
 """
 
 import functools
@@ -59,7 +59,7 @@ class Hint:
 
 
 @dataclass(frozen=True)
-class Layout:
+class RecordLayout:
     """What the types of a record do not say."""
 
     hints: Mapping[str, Hint] = field(default_factory=dict[str, Hint])  # by field
@@ -72,7 +72,7 @@ class Layout:
 class Codec:
     """A codec of records, with the layouts of some of them."""
 
-    layouts: Mapping[type, Layout]
+    layouts: Mapping[type, RecordLayout]
 
     def image_of(self, value: Any, attributes: Mapping[str, Attribute]) -> bytes:
         """Return an HDF5 file that holds a record and attributes at its root.
@@ -99,7 +99,7 @@ class Codec:
 
     def _fields(self, kind: Any) -> tuple[list[tuple[str, Any, Hint]], dict[str, type]]:
         """Return the fields of a record with their types and hints, and apart its numbers without a member."""
-        layout = self.layouts.get(kind, Layout())
+        layout = self.layouts.get(kind, RecordLayout())
         types_of = _types(layout.kind or kind)
         numbers = {name: of for name, of in types_of.items() if of in (float, int, bool) and name not in layout.hints}
         special = [(name, of, layout.hints.get(name, Hint())) for name, of in types_of.items() if name not in numbers]
@@ -119,7 +119,7 @@ class Codec:
         return required, optional
 
     def _write_record(self, group: Writer, kind: Any, value: Any) -> None:
-        layout, (fields, numbers) = self.layouts.get(kind, Layout()), self._fields(kind)
+        layout, (fields, numbers) = self.layouts.get(kind, RecordLayout()), self._fields(kind)
         record = layout.pack(value) if layout.pack else value
         for name, of, hint in fields:
             if hint.is_stored(name, group.path):
@@ -128,7 +128,7 @@ class Codec:
             _write_table(group, SUMMARY, numbers, [[getattr(record, name) for name in numbers]])
 
     def _read_record(self, group: Reader, kind: Any) -> Any:
-        layout, (fields, numbers) = self.layouts.get(kind, Layout()), self._fields(kind)
+        layout, (fields, numbers) = self.layouts.get(kind, RecordLayout()), self._fields(kind)
         values: dict[str, Any] = {}
         for name, of, hint in fields:
             if hint.is_stored(name, group.path):

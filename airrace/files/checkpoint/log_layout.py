@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from airrace.errors import CheckpointError
 from airrace.files.checkpoint.checkpoint import StoredInputs
-from airrace.files.checkpoint.codec import Hint, Layout
+from airrace.files.checkpoint.codec import Hint, RecordLayout
 from airrace.files.checkpoint.hdf5 import Reader, Writer
 from airrace.files.checkpoint.run_layout import (
     QUANTITY_NAME,
-    Histories,
+    HistoryGroup,
     StoredHistory,
     ensure_attitudes,
     ensure_lengths,
@@ -157,7 +157,7 @@ def _validate_flight(flight: LogCheckpoint, path: str) -> LogCheckpoint:
 
 
 LOG_LAYOUTS = {
-    RawLog: Layout(
+    RawLog: RecordLayout(
         {
             "offset": Hint("", "s", "time of the log at which the flight's clock starts"),
             "time": Hint("", "s", "time after the first sample of the log"),
@@ -166,10 +166,10 @@ LOG_LAYOUTS = {
         },
         unpack=_validate_log,
     ),
-    LogCheckpoint: Layout(
+    LogCheckpoint: RecordLayout(
         {
             "time": Hint("flight/time", "s", "time after the start"),
-            "histories": Hint("flight/histories", special=Histories("time")),
+            "histories": Hint("flight/histories", special=HistoryGroup("time")),
             "passings": Hint("flight/passings"),
             "violations": Hint("flight/violations"),
             "label": Hint("flight/label"),

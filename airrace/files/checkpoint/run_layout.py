@@ -10,7 +10,7 @@ import numpy as np
 
 from airrace.errors import CheckpointError
 from airrace.files.checkpoint.checkpoint import Checkpoint, StoredAttempt, StoredStage
-from airrace.files.checkpoint.codec import Hint, Layout
+from airrace.files.checkpoint.codec import Hint, RecordLayout
 from airrace.files.checkpoint.hdf5 import Attribute, Reader, Writer
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.quantities import Quantity
@@ -44,7 +44,7 @@ class StoredHistory:
 
 
 @dataclass(frozen=True)
-class Histories:
+class HistoryGroup:
     """A group of histories over the series `axis` beside it, in the order of their rows."""
 
     axis: str
@@ -249,7 +249,7 @@ def _stage_at(path: str) -> Stage:
 
 
 LAYOUTS = {
-    Checkpoint: Layout(
+    Checkpoint: RecordLayout(
         {
             "stages": Hint(
                 entries=lambda: [stage.value for stage in STAGES], entry=lambda stored: stored.result.stage.value
@@ -257,9 +257,9 @@ LAYOUTS = {
             "attempts": Hint("reserve", absent=True),
         }
     ),
-    StoredStage: Layout({"result": Hint(inline=True)}),
-    StoredAttempt: Layout({"result": Hint("flight")}, unpack=_validate_attempt),
-    StageResult: Layout(
+    StoredStage: RecordLayout({"result": Hint(inline=True)}),
+    StoredAttempt: RecordLayout({"result": Hint("flight")}, unpack=_validate_attempt),
+    StageResult: RecordLayout(
         {
             "stage": Hint(value_at=_stage_at),
             "trajectory": Hint(inline=True),
@@ -271,20 +271,20 @@ LAYOUTS = {
         },
         unpack=validate_result,
     ),
-    Trajectory: Layout(
+    Trajectory: RecordLayout(
         {
             "first_node": Hint("", "1", "node at which each phase begins, and the last node"),
             "durations": Hint("", "s", "duration of each phase"),
             "time": Hint("", "s", "time at the nodes"),
             "interval_time": Hint("", "s", "time at the start of the intervals"),
-            "states": Hint(special=Histories("time")),
-            "controls": Hint(special=Histories("interval_time")),
+            "states": Hint(special=HistoryGroup("time")),
+            "controls": Hint(special=HistoryGroup("interval_time")),
         },
         StoredTrajectory,
         stored_trajectory,
         trajectory_of,
     ),
-    MeshRecord: Layout(
+    MeshRecord: RecordLayout(
         {
             "why": Hint("", "1", "why each interval is as long as it is"),
             "coarser": Hint("", "1", "1 for nodes of the mesh whose race time was compared"),

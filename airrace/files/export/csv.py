@@ -26,7 +26,7 @@ from airrace.procedure.result import StageResult
 
 
 @dataclass(frozen=True)
-class Provenance:
+class FlightOrigin:
     """The origin of a flight: the name of its track, its stamp, and the version of airrace."""
 
     track: str
@@ -41,7 +41,7 @@ def export_csv(
     rate_hz: float | None = None,
     derived: Derived = NO_DERIVED,
     sampler: Sampler | None = None,
-    provenance: Provenance | None = None,
+    provenance: FlightOrigin | None = None,
 ) -> None:
     """Write the flight of a stage: lines `# key: value`, a header `time_s,x_m,...,phase`, and one row per time.
 

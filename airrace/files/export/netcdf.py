@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from airrace.files.export.csv import Provenance
+from airrace.files.export.csv import FlightOrigin
 from airrace.files.export.flight_table import FlightTable
 from airrace.files.export.globe import all_histories, stamp
 from airrace.flights.results import Flight
@@ -85,7 +85,7 @@ def _text(text: str) -> str:
     return text.encode("ascii", "replace").decode()
 
 
-def flight_dataset(flight: FlightTable, result: StageResult, provenance: Provenance) -> "Dataset":
+def flight_dataset(flight: FlightTable, result: StageResult, provenance: FlightOrigin) -> "Dataset":
     """Return all states and controls over the dimension `time` (s), and `height` (m, above the track's origin).
 
     `phase` is a coordinate: the leg that each time belongs to. Controls are those of the interval in which a time lies.

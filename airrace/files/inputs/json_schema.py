@@ -12,7 +12,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from airrace.files.inputs.aircraft import AircraftEntry
-from airrace.files.inputs.log_layout import LogEntry
+from airrace.files.inputs.log_columns import LogEntry
 from airrace.files.inputs.rules import RulesEntry, preset_names
 from airrace.files.inputs.schema import Schema
 from airrace.files.inputs.settings import BatchEntry, SettingsEntry

@@ -155,7 +155,7 @@ class _Label:
         else:
             yield Placemark(self.name, PlacemarkShape.OTHER, (), f"{shape.value} of {len(corners)} places")
 
-    def other(self, what: str, suffix: str = "") -> Placemark:
+    def unsupported(self, what: str, suffix: str = "") -> Placemark:
         """Return what is no placemark of a course; `what` it is."""
         return Placemark(f"{self.name}{suffix}", PlacemarkShape.OTHER, (), what)
 
@@ -204,7 +204,7 @@ def _of_kml(path: str, root: Element, folders: str = "") -> Iterator[Placemark]:
         if element.tag == "Placemark":
             yield from _of_mark(path, element, folders)
         elif element.tag in ("NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"):
-            yield _Label.of(path, element.findtext("name")).other(element.tag)
+            yield _Label.of(path, element.findtext("name")).unsupported(element.tag)
         else:
             inside = f"{element.findtext('name') or ''} / {folders}" if element.tag == "Folder" else folders
             yield from _of_kml(path, element, inside)
@@ -221,14 +221,14 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
     parts: list[tuple[PlacemarkShape, list[list[str]]]] = []
     for element in mark.iter():
         if element in holes:
-            yield label.other("hole in an area", ", a hole")
+            yield label.unsupported("hole in an area", ", a hole")
         elif element.tag in shapes:
             text = re.sub(r"\s*,\s*", ",", element.findtext("coordinates") or "")
             parts.append((shapes[element.tag], [place.split(",") for place in text.split()]))
         elif element.tag in ("Track", "Model"):
-            yield label.other("track of a flight" if element.tag == "Track" else "three-dimensional model")
+            yield label.unsupported("track of a flight" if element.tag == "Track" else "three-dimensional model")
     if not parts and not any(element.tag in ("Track", "Model") for element in mark.iter()):
-        yield label.other("placemark without a geometry")
+        yield label.unsupported("placemark without a geometry")
     if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:
         parts = [(PlacemarkShape.LINE, [place for _, places in parts for place in places])]
     for shape, places in parts:
@@ -275,7 +275,7 @@ def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
             label = _Label.of(path, _first(properties, NAMES), *hints, note=note)
             geometry: Any = entry.get("geometry")
             if geometry is None:
-                yield label.other("feature without a geometry")
+                yield label.unsupported("feature without a geometry")
             else:
                 yield from _geometry(label, geometry)
     except json.JSONDecodeError as error:
@@ -296,7 +296,7 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
         case "Polygon":
             yield from label.placemarks(PlacemarkShape.AREA, places[0])
             for _ in places[1:]:
-                yield label.other("hole in an area", ", a hole")
+                yield label.unsupported("hole in an area", ", a hole")
         case "MultiPoint" | "MultiLineString" | "MultiPolygon":
             for part in places:
                 yield from _geometry(label, {"type": kind.removeprefix("Multi"), "coordinates": part})
@@ -304,7 +304,7 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
             for part in geometry["geometries"]:
                 yield from _geometry(label, part)
         case _:
-            yield label.other(f"geometry of the type `{_one_line(kind)[:40]}`")
+            yield label.unsupported(f"geometry of the type `{_one_line(kind)[:40]}`")
 
 
 def _first(attributes: Mapping[str, object], keys: Sequence[str]) -> object:

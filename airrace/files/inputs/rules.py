@@ -21,7 +21,7 @@ from airrace.flights.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import PILOT_DELAY
 from airrace.model.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
 from airrace.model.track.element import Element
-from airrace.model.track.gates import Tolerant
+from airrace.model.track.gates import ElementWithTolerances
 from airrace.optimal_control.quantities import Interval
 from airrace.procedure.planning.parameters import course_limits, with_margins
 from airrace.race import Race
@@ -438,7 +438,9 @@ def _without_room(course: Course) -> Iterator[tuple[tuple[str, ...], str]]:
             break  # the others would say the same of the same margins
     for element in {passage.element.name: passage.element for passage in course.passages}.values():
         conditions = element.conditions(element.axis or 0.0).values()
-        angles = (element.tolerances.bank, element.tolerances.crossing) if isinstance(element, Tolerant) else ()
+        angles = (
+            (element.tolerances.bank, element.tolerances.crossing) if isinstance(element, ElementWithTolerances) else ()
+        )
         if any(bounds.empty for bounds in conditions) or any(angle <= 0.0 for angle in angles):
             yield ("gates", element.base_name), none_left
 

@@ -120,15 +120,15 @@ def bare(annotation: Annotation) -> Annotation:
         if get_origin(annotation) is Annotated:
             annotation = get_args(annotation)[0]
             continue
-        alternatives = members(annotation)
-        if len(alternatives) != 1:
+        types = members(annotation)
+        if len(types) != 1:
             return annotation
-        annotation = alternatives[0]
+        annotation = types[0]
     return annotation
 
 
 def members(annotation: Annotation) -> list[Annotation]:
-    """Return the alternatives of a union, without None."""
+    """Return the types of a union, without None."""
     if isinstance(annotation, type) or get_origin(annotation) not in (Union, UnionType):
         return []
     return [member for member in get_args(annotation) if member is not NoneType]

@@ -19,7 +19,7 @@ from airrace.model.dynamics.observations import crossing_values
 from airrace.model.frames import QUATERNION, angle_between
 from airrace.model.track.course import StartSpeed
 from airrace.model.track.element import Element
-from airrace.model.track.gates import Passing, Tolerant
+from airrace.model.track.gates import ElementWithTolerances, Passing
 from airrace.optimal_control.quantities import KNOT, Interval
 from airrace.procedure.formulation import crossing_parameters
 from airrace.race import Race
@@ -195,7 +195,7 @@ def select_violations(violations: Sequence[Violation]) -> tuple[list[Violation],
 
 def as_judged(element: Element) -> Element:
     """Return an element as it is judged: one that is optimised to a point as a window."""
-    if isinstance(element, Tolerant) and element.passing is Passing.POINT:
+    if isinstance(element, ElementWithTolerances) and element.passing is Passing.POINT:
         kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
         return replace(kind, passing=Passing.WINDOW)
     return element
@@ -218,7 +218,7 @@ def _passing_violations(
         rule, penalty = ("missed", penalties.missed) if element.stands else manoeuvre
         yield rule, math.nan, math.nan, math.nan, "", penalty
         return
-    tolerances = element.tolerances if isinstance(element, Tolerant) else None
+    tolerances = element.tolerances if isinstance(element, ElementWithTolerances) else None
     element = as_judged(element)
     bounds, bank = element.conditions(axis), element.prescribed_bank or 0.0
     if element.two_edged and crossing.value("mu") * bank < 0.0:

@@ -3,7 +3,6 @@
 from airrace.flights.results.derivation import flight_of
 from airrace.flights.results.flight import (
     Basis,
-    Confirmation,
     Flight,
     Histories,
     History,
@@ -11,6 +10,7 @@ from airrace.flights.results.flight import (
     Leg,
     Source,
     TimedCrossing,
+    Verification,
     laps_of,
     legs_of,
 )
@@ -18,7 +18,6 @@ from airrace.flights.results.stamp import ReserveState, Stamp
 
 __all__ = [
     "Basis",
-    "Confirmation",
     "Flight",
     "Histories",
     "History",
@@ -28,6 +27,7 @@ __all__ = [
     "Source",
     "Stamp",
     "TimedCrossing",
+    "Verification",
     "flight_of",
     "laps_of",
     "legs_of",

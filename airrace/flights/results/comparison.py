@@ -38,15 +38,15 @@ class Difference:
 
     Attributes:
         name: what it is, e.g. `roll_begins`.
-        reference, other: its values in the one and in the other flight.
+        reference, value: its values in the reference and in the flight.
         unit: of both.
-        text: the difference in words, of the other flight, e.g. "rolls 0.06 s later".
+        text: the difference in words, of the flight, e.g. "rolls 0.06 s later".
         weight: the difference over the least that is reported; at least 1.
     """
 
     name: str
     reference: float
-    other: float
+    value: float
     unit: str
     text: str
     weight: float
@@ -229,14 +229,14 @@ class LegComparison:
     """One leg in two flights.
 
     Attributes:
-        reference, other: the leg in the one and in the other.
-        cumulative: what the other has lost from the start up to the end of this leg, s; negative where it has won.
+        reference, flight: the leg in the reference and in the flight.
+        cumulative: what the flight has lost from the start up to the end of this leg, s; negative where it has won.
         by_way, by_speed: what it loses on the leg by its longer way and by its lower speed, s; they add up.
         differences: what it flies otherwise, the most telling first.
     """
 
     reference: Leg
-    other: Leg
+    flight: Leg
     cumulative: float
     by_way: float
     by_speed: float
@@ -249,8 +249,8 @@ class LegComparison:
 
     @property
     def difference(self) -> float:
-        """The time that the other loses on the leg, s; negative where it wins, NaN where one of them did not fly it."""
-        return self.other.time - self.reference.time
+        """The time that the flight loses on the leg, s; negative where it wins, NaN where one of them lacks it."""
+        return self.flight.time - self.reference.time
 
     @property
     def tie(self) -> bool:
@@ -263,8 +263,8 @@ class RelativeProgress:
     """The difference of time along the course.
 
     Attributes:
-        distance: way of the reference from the start, m, rising, shape (k,); of a leg that it lacks, that of the other.
-        difference: what the other has lost up to there, s, shape (k,); NaN on legs that one of them lacks.
+        distance: way of the reference from the start, m, rising, shape (k,); of a leg that it lacks, of the flight.
+        difference: what the flight has lost up to there, s, shape (k,); NaN on legs that one of them lacks.
         passings: at which distance the passings are made, m, shape (n,).
     """
 
@@ -278,20 +278,20 @@ class Comparison:
     """One flight compared with a reference.
 
     Attributes:
-        reference, other: the flights.
+        reference, flight: the flights.
         legs: in race order.
         progress: the difference of time along the course.
     """
 
     reference: Flight
-    other: Flight
+    flight: Flight
     legs: tuple[LegComparison, ...]
     progress: RelativeProgress
 
     @property
     def difference(self) -> float:
-        """The time that the other loses in all, s; negative where it is faster, NaN where one has no race time."""
-        return self.other.race_time - self.reference.race_time
+        """The time that the flight loses in all, s; negative where it is faster, NaN where one has no race time."""
+        return self.flight.race_time - self.reference.race_time
 
     @property
     def tie(self) -> bool:
@@ -301,17 +301,17 @@ class Comparison:
     @property
     def certified(self) -> bool:
         """Whether both are certified optima; of others some hundredths of a second may be those of a mesh."""
-        return bool(self.reference.source.certified and self.other.source.certified)
+        return bool(self.reference.source.certified and self.flight.source.certified)
 
     @property
     def by_loss(self) -> tuple[LegComparison, ...]:
-        """The legs, first the one on which the other loses most; incomplete ones last."""
+        """The legs, first the one on which the flight loses most; incomplete ones last."""
         return tuple(sorted(self.legs, key=lambda leg: math.inf if math.isnan(leg.difference) else -leg.difference))
 
     @property
     def laps(self) -> tuple[tuple[Lap, Lap], ...]:
-        """Every lap of the reference with that of the other."""
-        return tuple(zip(laps_of(self.reference), laps_of(self.other), strict=True))
+        """Every lap of the reference with that of the flight."""
+        return tuple(zip(laps_of(self.reference), laps_of(self.flight), strict=True))
 
 
 def compare_flights(reference: Flight, other: Flight) -> Comparison:

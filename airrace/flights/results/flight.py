@@ -123,8 +123,8 @@ class TimedCrossing:
 
 
 @dataclass(frozen=True)
-class Confirmation:
-    """What was found when a stored optimum was to be measured again.
+class Verification:
+    """The outcome of measuring a stored flight again.
 
     Attributes:
         verified: whether all that is stored of it agrees with what was measured; None where nothing was measured.
@@ -165,7 +165,7 @@ class Source:
         status: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
         version: of airrace, where it has computed the flight; empty else.
         remark: a sentence for the reader; often empty.
-        confirmation: the outcome of measuring it again; None where that was no question.
+        verification: the outcome of measuring it again; None where that was no question.
         failed: the items of its certificate that fail, or what else speaks against it.
         pilot: whose limits the pilot of an optimum keeps to; empty for what is no optimum.
         reserve: what was asked of an optimum in disturbances; None for nothing.
@@ -176,7 +176,7 @@ class Source:
     status: Status | None = None
     version: str = ""
     remark: str = ""
-    confirmation: Confirmation | None = None
+    verification: Verification | None = None
     failed: tuple[str, ...] = ()
     pilot: str = ""
     reserve: ReserveState | None = None
@@ -196,8 +196,8 @@ class Source:
     @property
     def state(self) -> str:
         """The verdict, and whether it was verified where that was a question; empty for what is no optimum."""
-        confirmed = "" if self.confirmation is None else self.confirmation.outcome
-        return ", ".join(text for text in (self.verdict, confirmed) if text)
+        outcome = "" if self.verification is None else self.verification.outcome
+        return ", ".join(text for text in (self.verdict, outcome) if text)
 
     @property
     def doubtful(self) -> bool:

@@ -140,21 +140,21 @@ class TimeLoss:
         count = len(self.costliest)
         number = {1: "one thing that costs", 2: "two things that cost", 3: "three things that cost"}.get(count, "")
         against = self.comparison.reference.label
-        return f"{number} {self.comparison.other.label} most against {against}" if count else ""
+        return f"{number} {self.comparison.flight.label} most against {against}" if count else ""
 
 
 def time_loss(comparison: Comparison) -> TimeLoss:
     """Return where the slower one of two flights has lost its time; the other one, if neither is."""
     if comparison.difference < 0.0:
-        comparison = compare_flights(comparison.other, comparison.reference)
-    reference, other = comparison.reference, comparison.other
+        comparison = compare_flights(comparison.flight, comparison.reference)
+    reference, other = comparison.reference, comparison.flight
     losses: list[Loss] = []
     comparable = all(
         "chi" in flight for flight in (reference, other)
     )  # without its course over ground a flight has no causes
     for leg in comparison.legs:
-        if comparable and leg.reference.is_complete and leg.other.is_complete:
-            pair = reference, leg.reference, other, leg.other
+        if comparable and leg.reference.is_complete and leg.flight.is_complete:
+            pair = reference, leg.reference, other, leg.flight
             facts = {cause: differences(*pair, measures, DIFFERENCES_MAX) for cause, measures in FACTS.items()}
             losses.append(Loss(leg, loss_parts(comparison, leg), facts, differences(*pair, (_LEAVING,), 1)))
     return TimeLoss(comparison, tuple(losses))
@@ -168,9 +168,9 @@ def loss_along(comparison: Comparison) -> tuple[Array, Array]:
     places, rates = [np.zeros((0, 2))], [np.zeros(0)]
     lost = comparison.progress.difference
     for number, leg in enumerate(comparison.legs):
-        if leg.reference.is_complete and leg.other.is_complete:
-            share = _shares(comparison.other, leg.other)
-            places.append(np.stack([np.interp(SHARES, share, comparison.other[x][leg.other.rows]) for x in "xy"], 1))
+        if leg.reference.is_complete and leg.flight.is_complete:
+            share = _shares(comparison.flight, leg.flight)
+            places.append(np.stack([np.interp(SHARES, share, comparison.flight[x][leg.flight.rows]) for x in "xy"], 1))
             first, length = number * (len(SHARES) - 1), float(np.diff(comparison.progress.passings)[number])
             rates.append(np.gradient(lost[first : first + len(SHARES)], SHARES * length))
         places.append(np.full((1, 2), np.nan))
@@ -187,7 +187,7 @@ def loss_parts(comparison: Comparison, leg: LegComparison) -> dict[Cause, float]
     """Return what a complete leg costs by each cause, s; negative where the other flight wins by it."""
     (V, h, W, L), (V_other, h_other, W_other, L_other) = (
         _energies(flight, flight_leg)
-        for flight, flight_leg in ((comparison.reference, leg.reference), (comparison.other, leg.other))
+        for flight, flight_leg in ((comparison.reference, leg.reference), (comparison.flight, leg.flight))
     )
     K = 0.5 * (L + L_other) / (V * V_other * (V + V_other))
 
@@ -196,7 +196,7 @@ def loss_parts(comparison: Comparison, leg: LegComparison) -> dict[Cause, float]
 
     entry = lost(V[0] ** 2 - V_other[0] ** 2)
     height = lost(2.0 * g0 * ((h_other - h_other[0]) - (h - h[0])))
-    vague = any(is_vague(flight, "n_z") for flight in (comparison.reference, comparison.other))
+    vague = any(is_vague(flight, "n_z") for flight in (comparison.reference, comparison.flight))
     lift = 0.0 if vague else lost(2.0 * (W_other - W))
     energy = leg.by_speed - entry - height - lift
     return dict(zip(Cause, (leg.by_way, entry, height, lift, energy), strict=True))

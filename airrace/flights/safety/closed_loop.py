@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.flights.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
-from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Plant, advance
+from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, DisturbedPlant, GustFilter, advance
 from airrace.optimal_control.trajectory import Array
 
 BATCH = 125
@@ -48,14 +48,14 @@ class ClosedLoop:
         pilot, gains: the controller.
     """
 
-    plant: Plant
+    plant: DisturbedPlant
     nominal: NominalFlight
     linear: LinearFlight
     pilot: PilotModel
     gains: PilotGains
 
     @classmethod
-    def of(cls, plant: Plant, nominal: NominalFlight, pilot: PilotModel) -> "ClosedLoop":
+    def of(cls, plant: DisturbedPlant, nominal: NominalFlight, pilot: PilotModel) -> "ClosedLoop":
         """Train a pilot for an optimum."""
         linear = linearise(plant, nominal, pilot.sample)
         return cls(plant, nominal, linear, pilot, train(pilot, linear))
@@ -63,7 +63,7 @@ class ClosedLoop:
     @property
     def leg_middles(self) -> Array:
         """The clock in the middle of every leg, s."""
-        return 0.5 * (self.nominal.passings[1:] + self.nominal.passings[:-1])
+        return 0.5 * (self.nominal.passing_times[1:] + self.nominal.passing_times[:-1])
 
     @property
     def samples(self) -> int:

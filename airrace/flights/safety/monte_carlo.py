@@ -15,10 +15,10 @@ from airrace.errors import UsageError
 from airrace.flights.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
-from airrace.flights.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
+from airrace.flights.safety.judge import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
 from airrace.flights.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.flights.safety.pilot import PilotModel
-from airrace.flights.safety.plant import CONTROLS, Plant
+from airrace.flights.safety.plant import CONTROLS, DisturbedPlant
 from airrace.model.frames import rotation
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.result import StageResult
@@ -170,11 +170,11 @@ def gate_stretches(names: Sequence[str], measured: FlightMeasurements, linear: A
 
 
 def leg_stretches(
-    names: Sequence[str], passings: Array, clock: Array, measured: FlightMeasurements
+    names: Sequence[str], passing_times: Array, clock: Array, measured: FlightMeasurements
 ) -> Iterator[Stretch]:
     """Yield the largest scatter on every leg: of each quantity that at the worst place of the grid."""
     for number, name in enumerate(names[1:]):
-        inside = (clock >= passings[number]) & (clock <= passings[number + 1])
+        inside = (clock >= passing_times[number]) & (clock <= passing_times[number + 1])
         rows = measured.deviations[:, inside]
         yield Stretch(name, {key: _worst(values) for key, values in zip(QUANTITIES, rows, strict=True)}, {})
 
@@ -237,7 +237,7 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
             f"a delay of {pilot.delay:g} s cannot be simulated: the pilot decides every {pilot.sample:g} s, so it must "
             f"be {below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
         )
-    plant = Plant.from_race(race)
+    plant = DisturbedPlant.from_race(race)
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
     undisturbed = fly(loop, UNDISTURBED, 0, [0])
     distances = np.linalg.norm(undisturbed.error[:, :3, 0], axis=1)
@@ -300,7 +300,7 @@ def fly_closed_loop(
     }
     contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
     outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind != LOAD])
-    clock, passings = grid_of(loop.nominal), loop.nominal.passings
+    clock, passing_times = grid_of(loop.nominal), loop.nominal.passing_times
     with np.errstate(all="ignore"):
         envelope = np.stack([_quantile(measured.deviations, share) for share in ENVELOPE])
     return SafetyResult(
@@ -313,7 +313,7 @@ def fly_closed_loop(
         contact=Count.with_interval(int(contact.sum()), flights),
         outside=Count.with_interval(int(outside.sum()), flights),
         gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
-        legs=tuple(leg_stretches(names, passings, clock, measured)),
+        legs=tuple(leg_stretches(names, passing_times, clock, measured)),
         pylons={
             f"{pylon.text}, {pylon.post + 1}": (Count.with_interval(int(touched.sum()), flights), float(nearest.min()))
             for pylon, touched, nearest in zip(judge.pylons, measured.touched, measured.nearest, strict=True)
@@ -331,20 +331,20 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
     """
     P, nominal, plant = covariance(loop, scatter), loop.nominal, loop.plant
     size, count, row = P.shape[1], len(ERRORS), plant.path_row("n_z")
-    clock = np.minimum(np.rint(nominal.passings / loop.pilot.sample).astype(np.int64), len(P) - 1)
+    clock = np.minimum(np.rint(nominal.passing_times / loop.pilot.sample).astype(np.int64), len(P) - 1)
     sigma = np.zeros((len(clock), 5))
 
     def load(x: Array, d: Array) -> Array:
         return plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[[row]]
 
-    for number, (passing, k) in enumerate(zip(judge.passings, clock.tolist(), strict=True)):
-        line = nominal.at(nominal.passings[number : number + 1])
+    for number, (boundary, k) in enumerate(zip(judge.boundaries, clock.tolist(), strict=True)):
+        line = nominal.at(nominal.passing_times[number : number + 1])
         line[4:8] /= np.linalg.norm(line[4:8], axis=0)
-        onto, sooner = onto_plane(nominal, passing, number, line)
+        onto, sooner = onto_plane(nominal, boundary, number, line)
         away = np.array(
             rotation([float(component) for component in line[4:8, 0]])
         )  # north, east, down per error of position
-        axis = axis_of(passing, line)
+        axis = axis_of(boundary, line)
         J = np.zeros((5, size))
         J[0, :count] = (axis[0] * away[1] - axis[1] * away[0]) @ onto[:3]
         J[1, :count] = -away[2] @ onto[:3]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.errors import UsageError
-from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, Plant, advance
+from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, DisturbedPlant, advance
 from airrace.model.frames import QUATERNION, product, rotation
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure import stored_stages
@@ -41,15 +41,15 @@ class NominalFlight:
     Attributes:
         state: at the steps, shape (M, 17).
         moved: integrals of the controls up to the steps, shape (M, 4).
-        passings: when the passages are passed, s; shape (n,).
+        passing_times: when the passages are passed, s; shape (n,).
     """
 
     state: Array
     moved: Array
-    passings: Array
+    passing_times: Array
 
     @classmethod
-    def from_optimum(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
+    def from_optimum(cls, race: Race, result: StageResult, plant: DisturbedPlant) -> "NominalFlight":
         """Return the optimum of the stage with six degrees of freedom.
 
         Raises:

@@ -21,7 +21,7 @@ import numpy as np
 
 from airrace.flights.safety.disturbances import PILOT_DELAY
 from airrace.flights.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displace, errors, instants
-from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, Plant, advance
+from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, DisturbedPlant, advance
 from airrace.optimal_control.trajectory import Array
 
 SIZE = len(ERRORS)
@@ -102,7 +102,7 @@ class LinearFlight:
         return len(self.F)
 
 
-def linearise(plant: Plant, nominal: NominalFlight, sample: float) -> LinearFlight:
+def linearise(plant: DisturbedPlant, nominal: NominalFlight, sample: float) -> LinearFlight:
     """Return the aircraft linearised by central differences of its own samples, and projected on its clock."""
     clock = instants(sample, int(nominal.end / sample))
     count, first = len(clock), clock[:-1]

@@ -74,7 +74,7 @@ class _DisturbedField(WindField):
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class DisturbedPlant:
     """An aircraft in the air of a day, disturbed.
 
     Attributes:
@@ -90,7 +90,7 @@ class Plant:
     airspeed: ca.Function
 
     @classmethod
-    def from_race(cls, race: Race) -> "Plant":
+    def from_race(cls, race: Race) -> "DisturbedPlant":
         """Return the aircraft of a race.
 
         Raises:

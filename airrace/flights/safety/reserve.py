@@ -28,7 +28,7 @@ from scipy.special import ndtr
 from airrace.flights.safety.closed_loop import ClosedLoop
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import Scatter
-from airrace.flights.safety.evaluation import (
+from airrace.flights.safety.judge import (
     ANGLE_ALLOWED,
     KINDS,
     LENGTH_ALLOWED,
@@ -42,7 +42,7 @@ from airrace.flights.safety.monte_carlo import LOAD
 from airrace.flights.safety.nominal import ERRORS, gradients, instants
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE
-from airrace.model.track.gates import Passing, Tolerant
+from airrace.model.track.gates import ElementWithTolerances, Passing
 from airrace.optimal_control.system import at_points
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.planning.clearance import (
@@ -88,7 +88,7 @@ class Limit:
 
     Attributes:
         key: of the input that a margin is taken from; empty where none tightens it.
-        kind: of the breach, as `airrace.flights.safety.evaluation` counts it.
+        kind: of the breach, as `airrace.flights.safety.judge` counts it.
         place: the passage, or that in which the leg ends.
         room: from the optimum to what counts as a breach, in the unit of the limit.
         sigma: standard deviation of the room.
@@ -121,7 +121,7 @@ class Limit:
         return 0.5 * MARGIN_SHARE * self.between / self.rate
 
     @property
-    def wanted(self) -> float:
+    def negligible_risk_margin(self) -> float:
         """The margin beyond which a risk is negligible."""
         return self.idle + max(MARGIN_MAX * self.sigma - self.allowed, 0.0) / self.rate
 
@@ -166,10 +166,10 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
         if number == 0 or not element.stands:
             continue
         ends, room = _rooms(judge, waypoint, line)
-        onto, _ = onto_plane(loop.nominal, judge.passings[number], number, line)
+        onto, _ = onto_plane(loop.nominal, judge.boundaries[number], number, line)
         slopes = gradients(lambda x, _, waypoint=waypoint: _rooms(judge, waypoint, x)[1], line)[:, 0, :SIZE]
         towards, slopes = _directions(slopes), slopes @ onto
-        now = _at(P, loop, loop.nominal.passings[number])[:SIZE, :SIZE]
+        now = _at(P, loop, loop.nominal.passing_times[number])[:SIZE, :SIZE]
         sigma = np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, now, slopes), 0.0))
         keys, rates = [""] * len(ends), np.ones(len(ends))
         for parameter in element.parameters():
@@ -199,11 +199,11 @@ def _directions(slopes: Array) -> Array:
 
 def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[str, float]], Array]:
     """Return the ends of all ranges of a passing, by quantity and sign, and the room to each, shape (k, n)."""
-    passing = judge.boundary(waypoint)
-    assert passing.observation is not None  # it is the boundary of a passage
-    rows = {quantity.name: row for row, quantity in enumerate(passing.observation.quantities)}
-    outputs = at_points(passing.observation.values, states, np.array(passing.values))
-    bounds = [(name, bound) for name, bound in passing.bounds.items() if name in rows]
+    boundary = judge.boundary(waypoint)
+    assert boundary.observation is not None  # it is the boundary of a passage
+    rows = {quantity.name: row for row, quantity in enumerate(boundary.observation.quantities)}
+    outputs = at_points(boundary.observation.values, states, np.array(boundary.values))
+    bounds = [(name, bound) for name, bound in boundary.bounds.items() if name in rows]
     ranges = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
     stated = [(name, sign, end) for name, sign, end in ranges if math.isfinite(end)]
     rooms = [sign * (end - outputs[rows[name]]) for name, sign, end in stated]
@@ -219,7 +219,7 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
     clock = instants(loop.pilot.sample, len(P))
     line = nominal.at(clock)
     wing = Wing(clock, *wing_of(line, judge.semispan))
-    legs = np.searchsorted(clock, nominal.passings).tolist()
+    legs = np.searchsorted(clock, nominal.passing_times).tolist()
     legs[-1] = min(legs[-1], len(clock) - 1)
     elements = {passage.element.name: passage.element for passage in judge.course.passages}
     for approach in closest_approaches(wing, judge.pylons, legs):
@@ -235,7 +235,7 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
             yield Limit(f"obstacles.{pylon.name}.clearance_m", "flight clearance", place, room, sigma, allowed)
             continue
         element, key, idle = elements[pylon.name], "", 0.0
-        if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
+        if isinstance(element, ElementWithTolerances) and element.passing is Passing.WINDOW:
             key = f"gates.{element.base_name}.clearance_m"
             idle = max(pylon.required - element.tolerances.clearance, 0.0)  # of another element's, or the least of all
         yield Limit(key, "flight clearance", place, room, sigma, allowed, idle=idle)
@@ -283,7 +283,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         slopes = np.nan_to_num(gradients(rooms, line))
     sigma = np.sqrt(np.maximum(np.einsum("qni,nij,qnj->qn", slopes, P, slopes), 0.0))
     room = rooms(line, np.zeros((DISTURBANCES, len(clock))))
-    for leg, (begin, end) in enumerate(pairwise(np.searchsorted(clock, loop.nominal.passings).tolist())):
+    for leg, (begin, end) in enumerate(pairwise(np.searchsorted(clock, loop.nominal.passing_times).tolist())):
         place = course.passages[leg + 1]
         lines = {safety_line.name for safety_line in place.safety_lines}
         for row, (key, kind) in enumerate(keys):
@@ -346,7 +346,7 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
     fixed = sum(float(limit.risk(np.zeros(()))) for limit in by_key.pop("", []))
     tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
     for row, (key, of_key) in enumerate(by_key.items()):
-        most = min(max(limit.wanted for limit in of_key), min(limit.most for limit in of_key))
+        most = min(max(limit.negligible_risk_margin for limit in of_key), min(limit.most for limit in of_key))
         tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
         least = PRICE_MIN * max(limit.rate / limit.sigma for limit in of_key)
         risks[row] = sum(limit.risk(tried[row]) for limit in of_key)

@@ -102,7 +102,7 @@ def throttle_rate(delta_T: Scalar, delta_T_cmd: Scalar, aircraft: AircraftParame
 
 @vector
 class LoadFactorPath(Vector[T]):
-    """The quantities that are limited along the path of a model without angles, (16) of the paper.
+    """The quantities that are limited along the path of a model without angles, equation (16).
 
     States and controls have bounds of their own.
     """

@@ -24,7 +24,7 @@ a first step. Straight on 0.1 mm of room was enough; of two courses with turns o
 
 @dataclass(frozen=True)
 class Limits:
-    """The allowed ranges along the whole flight, (16) of the paper; SI, rad, g.
+    """The allowed ranges along the whole flight, equation (16); SI, rad, g.
 
     Attributes:
         z: position below the origin.
@@ -139,7 +139,7 @@ def body_bounds(aircraft: Aircraft, rules: Rules, roll_rate: str) -> dict[str, I
 
 @vector
 class BodyPath(Vector[T]):
-    """The quantities that are limited along the path of a model with angles, (16) of the paper.
+    """The quantities that are limited along the path of a model with angles, equation (16).
 
     States and controls have bounds of their own.
     """
@@ -171,7 +171,7 @@ class Commanded(Vector[T]):
 
 @vector
 class SurfaceControl(Vector[T]):
-    """The rates of the deflections, and the commanded throttle; (12) of the paper with rates instead of deflections."""
+    """The rates of the deflections, and the commanded throttle; equation (12) with rates instead of deflections."""
 
     eta_dot: T = quantity("rad/s", text="rate of the elevator", rate_of="eta")
     xi_dot: T = quantity("rad/s", text="rate of the ailerons", rate_of="xi")

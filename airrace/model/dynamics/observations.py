@@ -1,6 +1,6 @@
 """The quantities observed of a flight: at a crossing, in a settled flight, its airspeed, and all along a leg.
 
-At a gate or pylon, (13) and (14) of the paper, they are position, wing tips, bank, climb and course. Let `e` be the
+At a gate or pylon, equations (13) and (14), they are position, wing tips, bank, climb and course. Let `e` be the
 path's direction (first column of `R_OKbar`), `y_B` the right wing (`frames.right_wing`), `a` the axis and `l` the
 direction to its right (both horizontal), and `d` the horizontal position relative to the centre. Bank, climb and course
 are those of the path; they appear only as products of R's entries, which have no jumps; `mu_0` is the prescribed bank:

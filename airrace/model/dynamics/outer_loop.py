@@ -17,7 +17,7 @@ from airrace.optimal_control.system import System, column, named_symbols
 
 @vector
 class FlightPathState(Vector[T]):
-    """The position, velocity and attitude of the flight path: the first eight states of (11) of the paper."""
+    """The position, velocity and attitude of the flight path: the first eight states of equation (11)."""
 
     x: T = quantity("m", scale=100.0, text="north of the origin")
     y: T = quantity("m", scale=100.0, text="east of the origin")

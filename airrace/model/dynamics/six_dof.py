@@ -33,7 +33,7 @@ from airrace.optimal_control.quantities import Scalar, T, quantity, vector
 
 @vector
 class BodyState(PoweredState[T]):
-    """The flight path, the throttle, and the attitude and rotation of the body in it: (11) of the paper."""
+    """The flight path, the throttle, and the attitude and rotation of the body in it: equation (11)."""
 
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
@@ -44,7 +44,7 @@ class BodyState(PoweredState[T]):
 
 @vector
 class SixDofState(Deflected[T], BodyState[T]):
-    """The state (11) of the paper, and the control surfaces, which are states so that they are continuous."""
+    """The state of equation (11), and the control surfaces, which are states so that they are continuous."""
 
 
 @vector

@@ -51,7 +51,7 @@ class Crowd:
         corners: one for a point, two or more for a line, three or more (without the first again) for an area.
         height: the height of the people above the track's origin, m.
         distance: least distance, m.
-        slant: whether the distance is measured in space as in (16) of the paper, else over ground alone.
+        slant: whether the distance is measured in space as in equation (16), else over ground alone.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Elements of a course: all that plan, problem, pictures and remarks ask of the thing that an aircraft passes.
 
-A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so code that plans,
-optimises, draws or reviews a course needs to know no kind. Angles are in radians, clockwise from north; lengths in
-metres; positions in the track's north-east frame, heights above its origin.
+A kind of element is one class derived from `Element` or `PlacedElement`. It answers in plain numbers, so code that
+plans, optimises, draws or reviews a course needs to know no kind. Angles are in radians, clockwise from north; lengths
+in metres; positions in the track's north-east frame, heights above its origin.
 """
 
 import math
@@ -29,7 +29,7 @@ class Direction(Enum):
 
 
 @dataclass(frozen=True)
-class Crossing:
+class CrossingCandidate:
     """A way in which an element may be crossed, for the plan to choose from.
 
     Attributes:
@@ -215,7 +215,7 @@ class Element(ABC):
     # Its part in the plan and in the optimal control problem.
 
     @abstractmethod
-    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
+    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[CrossingCandidate]:
         """Return the ways in which it may be crossed.
 
         Args:
@@ -281,7 +281,7 @@ class Element(ABC):
         return "height_m"
 
 
-class Standing(Element):
+class PlacedElement(Element):
     """An element that stands somewhere: a gate, a pylon.
 
     A kind declares `north`, `east` and `height` besides its name.

@@ -11,12 +11,12 @@ import numpy as np
 from airrace.model.parameters import SINE, TANGENT, Parameter, attribute_parameter
 from airrace.model.track.element import (
     PYLON_HEIGHT,
-    Crossing,
+    CrossingCandidate,
     Direction,
     Drawing,
     Element,
     Frame,
-    Standing,
+    PlacedElement,
     climb_condition,
 )
 from airrace.optimal_control.quantities import Interval
@@ -35,7 +35,7 @@ ANGLE_MAX, ANGLE_AT_QUADS_MAX = 85.0, 40.0
 
 
 class Passing(Enum):
-    """The strictness with which a gate is passed: exactly (the paper), or anywhere inside its window (the rules)."""
+    """The strictness with which a gate is passed: exactly, or anywhere inside its window, as in races."""
 
     POINT = "point"
     WINDOW = "window"
@@ -60,7 +60,7 @@ class Tolerances:
     crossing: float
 
 
-class Tolerant(Standing):
+class ElementWithTolerances(PlacedElement):
     """An element that stands somewhere and is passed by the rules.
 
     A kind declares `passing` and `tolerances` besides.
@@ -97,7 +97,7 @@ class Tolerant(Standing):
 
     def _tolerance(
         self, key: str, path: str, label: str, step: float, limit: float, **declared: Any
-    ) -> Parameter["Tolerant"]:
+    ) -> Parameter["ElementWithTolerances"]:
         return attribute_parameter(
             self, key, f"tolerances.{path}", label=label, relaxing_step=step, limit=limit, **declared
         )
@@ -119,7 +119,7 @@ WIDE = math.radians(89.9)
 
 
 @dataclass(frozen=True)
-class Gate(Tolerant):
+class Gate(ElementWithTolerances):
     """Two pylons, passed between at a prescribed bank: 0 for a level gate, +-pi/2 for a knife-edge gate.
 
     Those of a quad share four, at the corners of a square, and are passed in the middle between two pairs of them.
@@ -167,12 +167,12 @@ class Gate(Tolerant):
     def two_edged(self) -> bool:
         return self.either_bank
 
-    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
+    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[CrossingCandidate]:
         """Return courses around the axis, forward, in reverse or either way."""
         forward = [self.heading] if direction is not Direction.REVERSE else []
         reverse = [self.heading + math.pi] if direction is not Direction.FORWARD else []
         return [
-            Crossing(self.position, axis + float(offset), 0.0, self.bank, axis)
+            CrossingCandidate(self.position, axis + float(offset), 0.0, self.bank, axis)
             for axis in (*forward, *reverse)
             for offset in offsets(6, self.tolerances.crossing)
         ]
@@ -249,7 +249,7 @@ MARGIN = 4.0
 
 
 @dataclass(frozen=True)
-class Pylon(Tolerant):
+class Pylon(ElementWithTolerances):
     """A single pylon passed on one side, bank free (slalom, turning point).
 
     Attributes:
@@ -280,11 +280,11 @@ class Pylon(Tolerant):
     def axis(self) -> float:
         return self.side + math.pi / 2
 
-    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
+    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[CrossingCandidate]:
         """Return all courses within the crossing limit of either direction across the line to the pylon."""
         beside = self.beside(self.tolerances.clearance + MARGIN, self.side)
         return [
-            Crossing((beside.north, beside.east, self.height), axis + float(offset), 0.0, None, axis)
+            CrossingCandidate((beside.north, beside.east, self.height), axis + float(offset), 0.0, None, axis)
             for axis in (self.side + math.pi / 2, self.side - math.pi / 2)
             # More courses than at a gate, as the crossing angle may be larger.
             for offset in offsets(8, self.tolerances.crossing)
@@ -406,7 +406,7 @@ class Manoeuvre(Element):
     def course(self, direction: Direction) -> float | None:
         return self.heading
 
-    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
+    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[CrossingCandidate]:
         """Return the prescribed attitude at every course that is allowed.
 
         A position is given only if all of it is prescribed. A roll may end at any bank; where the line is steep, bank
@@ -418,7 +418,11 @@ class Manoeuvre(Element):
         if rolling and self.bank is None and abs(climb) < STEEP:
             banks = BANKS.tolist()
         free = self.position is None
-        return [Crossing(self.position, heading, climb, bank, heading, free) for heading in headings for bank in banks]
+        return [
+            CrossingCandidate(self.position, heading, climb, bank, heading, free)
+            for heading in headings
+            for bank in banks
+        ]
 
     def conditions(self, axis: float) -> dict[str, Interval]:
         """Return the conditions of the prescribed attitude.

@@ -65,7 +65,7 @@ _CORRECTIONS = _Corrections(
 )
 
 
-class Vector:
+class ProgramVector:
     """A point (w, y, e, s, z), a step or residuals: one array `whole`, and its parts.
 
     Attributes:
@@ -83,7 +83,7 @@ class Vector:
         self.primal = self.whole[: ends[-1]]
         self.address = self.whole.ctypes.data
 
-    def become(self, point: "Vector", step: "Vector", primal: float, dual: float) -> None:
+    def become(self, point: "ProgramVector", step: "ProgramVector", primal: float, dual: float) -> None:
         """Become a point after parts of a step."""
         np.multiply(step.primal, primal, out=self.primal)
         np.multiply(step.z, dual, out=self.z)
@@ -150,7 +150,7 @@ class BoundedProgram:
         size, constraints = len(lower), matrices.constraints.doubles
         work = [np.zeros_like(matrices.hessian.doubles), np.zeros(matrices.states**2)]
         work += [np.zeros(layout.unknowns), np.zeros(matrices.states * len(matrices.sizes))]
-        work += [*np.zeros((4, size)), np.zeros(layout.unknowns), *(Vector(self.sizes).whole for _ in range(3))]
+        work += [*np.zeros((4, size)), np.zeros(layout.unknowns), *(ProgramVector(self.sizes).whole for _ in range(3))]
         arrays: list[Array | Indices | NDArray[np.int32]] = [
             *(matrices.sizes, matrices.row_counts, matrices.hessian.doubles),
             *(constraints, constraints[matrices.gap_size :]),
@@ -163,19 +163,19 @@ class BoundedProgram:
         self._program = ctypes.byref(_ProgramArrays(*counts, *addresses, EQUALITY_WEIGHT, *room))
         self._measures, self._lengths = np.zeros(9), np.zeros(2)
 
-    def vector(self) -> Vector:
+    def vector(self) -> ProgramVector:
         """Return a new point of zeros."""
-        return Vector(self.sizes)
+        return ProgramVector(self.sizes)
 
     def slacks(self, w: Array) -> Array:
         """Return the room to the one-sided bounds at unknowns where the constraints are evaluated, shape (n_s,)."""
         return self.sign * (np.concatenate([self.functions.g[self.rows], w])[self.inequality] - self.bound)
 
-    def multipliers(self, point: Vector, constraint_multipliers: Array) -> None:
+    def multipliers(self, point: ProgramVector, constraint_multipliers: Array) -> None:
         """Write the multipliers of the constraints."""
         self._native.interior_multipliers(self._program, point.address, constraint_multipliers.ctypes.data)
 
-    def go_to(self, point: Vector) -> None:
+    def go_to(self, point: ProgramVector) -> None:
         """Set the program to a point."""
         functions = self.functions
         point.w[self._fixed] = self._fixed_to  # of which a penalty leaves a little
@@ -183,14 +183,14 @@ class BoundedProgram:
         functions.lam_f = 1.0
         self.multipliers(point, functions.lam_g)
 
-    def residuals(self, point: Vector, residuals: Vector) -> Measures:
+    def residuals(self, point: ProgramVector, residuals: ProgramVector) -> Measures:
         """Write the residuals at a point where everything is evaluated, and return the measures of it."""
         functions = self.functions
         arrays = functions.gradient, functions.g, residuals.whole, self._measures
         self._native.interior_residuals(self._program, point.address, *(array.ctypes.data for array in arrays))
         return Measures(*self._measures.tolist())
 
-    def linearise(self, point: Vector, residuals: Vector) -> Measures | None:
+    def linearise(self, point: ProgramVector, residuals: ProgramVector) -> Measures | None:
         """Evaluate the program and its derivatives at a point, write its residuals; None where one is not finite."""
         functions = self.functions
         self.go_to(point)
@@ -201,18 +201,18 @@ class BoundedProgram:
         numbers = functions.f, measures.stationarity, measures.infeasibility
         return measures if finite and np.isfinite(numbers).all() else None
 
-    def factorise(self, point: Vector | None, damping: float) -> bool:
+    def factorise(self, point: ProgramVector | None, damping: float) -> bool:
         """Factorise the matrix of a step; return whether its inertia is that of a step to a minimum."""
         address = None if point is None else point.address
         return not self._native.interior_factorise(self._program, address, damping)
 
-    def solve(self, point: Vector, residuals: Vector, products: Array, step: Vector) -> None:
+    def solve(self, point: ProgramVector, residuals: ProgramVector, products: Array, step: ProgramVector) -> None:
         """Write the step after which the linear conditions hold, products of slack and multiplier changing so."""
         step.z[:] = products
         self._native.interior_solve(self._program, point.address, residuals.address, step.address)
 
     def predict_and_correct(
-        self, point: Vector, residuals: Vector, barrier_min: float, step: Vector
+        self, point: ProgramVector, residuals: ProgramVector, barrier_min: float, step: ProgramVector
     ) -> tuple[float, float]:
         """Write Mehrotra's step with Gondzio's corrections, and return its primal and dual length."""
         addresses = ctypes.byref(_CORRECTIONS), point.address, residuals.address

@@ -8,7 +8,7 @@ begins and with all pairs in the filter. A step that does not is corrected once 
 
 import numpy as np
 
-from airrace.optimal_control.solvers.bounded_program import BOUNDARY_FRACTION, BoundedProgram, Measures, Vector
+from airrace.optimal_control.solvers.bounded_program import BOUNDARY_FRACTION, BoundedProgram, Measures, ProgramVector
 from airrace.optimal_control.trajectory import Array
 
 # The names and values of [Waechter & Biegler 2006] where they have any.
@@ -59,7 +59,9 @@ class FilterSearch:
         self._filter: list[tuple[float, float]] = []
         self._step, self._correction, self._trial, self._violations = (program.vector() for _ in range(4))
 
-    def advance(self, point: Vector, residuals: Vector, measures: Measures, damping: float) -> float | None:
+    def advance(
+        self, point: ProgramVector, residuals: ProgramVector, measures: Measures, damping: float
+    ) -> float | None:
         """Let a point become the next one.
 
         Args:
@@ -103,7 +105,7 @@ class FilterSearch:
     def _barrier_function(self, slacks: Array) -> float:
         return self._program.functions.f - self.barrier * float(np.log(slacks).sum())
 
-    def _search(self, point: Vector, residuals: Vector, theta: float, phi: float) -> bool:
+    def _search(self, point: ProgramVector, residuals: ProgramVector, theta: float, phi: float) -> bool:
         """Let the trial become the first point along the step that passes the filter; return whether there is one."""
         program, step, trial = self._program, self._step, self._trial
         slope = float(program.functions.f_gradient @ step.w) - self.barrier * float((step.s / point.s).sum())
@@ -121,7 +123,7 @@ class FilterSearch:
             length *= 0.5
         return False
 
-    def _correct(self, point: Vector, residuals: Vector, length: float) -> None:
+    def _correct(self, point: ProgramVector, residuals: ProgramVector, length: float) -> None:
         """Let the trial become the point after a second-order correction, for the violations at the trial as well."""
         violations, correction, unknowns = self._violations, self._correction, len(point.w)
         violations.w[:] = residuals.w
@@ -158,7 +160,7 @@ class FilterSearch:
         return True
 
 
-def _step_lengths(point: Vector, step: Vector, reach: float) -> tuple[float, float]:
+def _step_lengths(point: ProgramVector, step: ProgramVector, reach: float) -> tuple[float, float]:
     """Return how far slacks and multipliers can go, at most the whole step and a part of the way to zero."""
     lengths: list[float] = []
     for values, changes in ((point.s, step.s), (point.z, step.z)):

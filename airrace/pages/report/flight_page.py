@@ -86,10 +86,10 @@ def flight_page(
     script = page_script()
     misses = len(near_misses(first))
     near = f", {misses} pylons too near" if misses else ""
-    confirmation = first.source.confirmation
-    unsure = confirmation is not None and confirmation.verified is None
-    refuted = confirmation is not None and confirmation.verified is False
-    outcome = "" if confirmation is None or confirmation.verified else f"; {confirmation.outcome}"
+    verification = first.source.verification
+    unsure = verification is not None and verification.verified is None
+    refuted = verification is not None and verification.verified is False
+    outcome = "" if verification is None or verification.verified else f"; {verification.outcome}"
     good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
     look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
     words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
@@ -232,7 +232,7 @@ def _range(values: Range, unit: float, digits: int) -> str:
 def loss_section(comparison: Comparison, map_: MapModel) -> str:
     """Return in words what costs the slower of two flights most, and its track in the colours of the time lost."""
     loss = time_loss(comparison)
-    reference, other = loss.comparison.reference, loss.comparison.other
+    reference, other = loss.comparison.reference, loss.comparison.flight
     coloured = by_loss(loss.comparison)
     lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in (other, reference)]
     plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
@@ -244,7 +244,7 @@ def loss_section(comparison: Comparison, map_: MapModel) -> str:
 
 def comparison_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
-    reference, other = comparison.reference, comparison.other
+    reference, other = comparison.reference, comparison.flight
     notes = [
         f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
         *(

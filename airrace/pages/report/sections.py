@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from airrace.files.inputs import Inputs
 from airrace.flights.logs.violations import CERTAIN_DEVIATIONS, Violation, select_violations
-from airrace.flights.results import Confirmation, Stamp
+from airrace.flights.results import Stamp, Verification
 from airrace.flights.sensitivity import Sensitivity
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.quantities import KNOT
@@ -48,15 +48,15 @@ def _facts(pairs: Iterable[tuple[str, str]]) -> str:
     return f'<dl class="facts">{entries}</dl>'
 
 
-def claim_section(claim: str, confirmation: Confirmation, stamp: Stamp) -> str:
+def claim_section(claim: str, verification: Verification, stamp: Stamp) -> str:
     """Return what is claimed of a flight, whether that was verified, and what it does not say; its badge leads there.
 
     Args:
         claim: empty where nothing is claimed.
-        confirmation: the outcome of measuring the stage again.
+        verification: the outcome of measuring the stage again.
         stamp: what the flight is.
     """
-    texts = [claim or "nothing is claimed of this flight", confirmation.words, stamp.text]
+    texts = [claim or "nothing is claimed of this flight", verification.words, stamp.text]
     body = "".join(f"<p>{escape_html(capitalise(text))}.</p>" for text in texts)
     if claim:
         is_reached = stamp.reserve is not None and stamp.reserve.reached and not stamp.reserve.source

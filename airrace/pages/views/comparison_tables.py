@@ -55,7 +55,7 @@ def lost_table(
         if begin is not None:
             name = replace(name, time=before.time - begin if before.found else None)
             loss = replace(loss, text="a tie" if leg.tie else None)
-        times = (leg.reference.time, leg.other.time, loss, leg.tie, leg.cumulative, leg.by_way, leg.by_speed)
+        times = (leg.reference.time, leg.flight.time, loss, leg.tie, leg.cumulative, leg.by_way, leg.by_speed)
         differences = ("; " if begin is None else ", ").join(difference.text for difference in leg.differences)
         rows.append((name, leg.reference.lap, *times, differences))
     return Table(title, _LEGS if begin is None else _LEGS_OF_REPORT, rows, notes)

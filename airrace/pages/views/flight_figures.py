@@ -28,7 +28,7 @@ DEGREES = 180.0 / math.pi
 
 
 @dataclass(frozen=True)
-class Histories:
+class StripChart:
     """Histories that share a pair of axes: names, words, and the factor from SI to the unit of the label.
 
     `whole` is the range that is shown; None for what the histories take.
@@ -41,13 +41,13 @@ class Histories:
 
 
 STRIPS = (
-    Histories("speed, kt", 1.0 / KNOT, (("V_K", "over ground"), ("V_A", "true"), ("V_I", "indicated"))),
-    Histories("load, g", 1.0, (("n_z", "n_z"), ("n_y", "n_y"))),
-    Histories("bank, deg", DEGREES, (("mu", "bank"),)),
-    Histories("roll rate, deg/s", DEGREES, (("p_Kbar", "about the path"),)),
-    Histories("angles, deg", DEGREES, (("alpha_A", "attack"), ("beta_A", "sideslip"))),
-    Histories("surfaces, deg", DEGREES, (("eta", "elevator"), ("xi", "aileron"), ("zeta", "rudder"))),
-    Histories("lever", 1.0, (("delta_T", "lever"),), whole=(-0.05, 1.1)),
+    StripChart("speed, kt", 1.0 / KNOT, (("V_K", "over ground"), ("V_A", "true"), ("V_I", "indicated"))),
+    StripChart("load, g", 1.0, (("n_z", "n_z"), ("n_y", "n_y"))),
+    StripChart("bank, deg", DEGREES, (("mu", "bank"),)),
+    StripChart("roll rate, deg/s", DEGREES, (("p_Kbar", "about the path"),)),
+    StripChart("angles, deg", DEGREES, (("alpha_A", "attack"), ("beta_A", "sideslip"))),
+    StripChart("surfaces, deg", DEGREES, (("eta", "elevator"), ("xi", "aileron"), ("zeta", "rudder"))),
+    StripChart("lever", 1.0, (("delta_T", "lever"),), whole=(-0.05, 1.1)),
 )
 """The strips from top to bottom; those of which a flight has no history are left out."""
 
@@ -114,7 +114,7 @@ def _draw_profile(axes: Axes, flight: Flight) -> None:
             axes.annotate(name, place, textcoords="offset points", fontsize=7, color=GREY, **above)
 
 
-def _draw_strip(axes: Axes, flight: Flight, strip: Histories) -> None:
+def _draw_strip(axes: Axes, flight: Flight, strip: StripChart) -> None:
     lines = [(name, words) for name, words in strip.lines if name in flight]
     for number, (name, words) in enumerate(lines):
         values = _without_jumps(name, strip.factor * flight[name])
@@ -159,7 +159,7 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
     line = np.stack([reference["y"], reference["x"]], axis=1)
     maps = [map_model(reference.race).with_track(line[:, ::-1])]
     for comparison in comparisons:
-        maps.append(maps[-1].with_track(np.stack([comparison.other["x"], comparison.other["y"]], axis=1)))
+        maps.append(maps[-1].with_track(np.stack([comparison.flight["x"], comparison.flight["y"]], axis=1)))
     map_, frame = maps[-1], frame_of(maps[-1])
     height = min(MAP_WIDTH * frame.height / frame.width, 1.5 * MAP_WIDTH)
     figure = new_figure(MAP_WIDTH * len(comparisons), height + 1.2, layout="compressed")
@@ -172,7 +172,7 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
         axes.plot(*line.T, color=GREY, linewidth=1.0, linestyle="dashed", zorder=2)
         for places, colour in replace(track, least=-most, greatest=most).pieces():
             axes.plot(places[:, 1], places[:, 0], color=colour, linewidth=3.0, solid_capstyle="round", zorder=3)
-        axes.set_title(f"{comparison.other.label}: {comparison.difference:+.3f} s", loc="left", fontsize=10)
+        axes.set_title(f"{comparison.flight.label}: {comparison.difference:+.3f} s", loc="left", fontsize=10)
         axes.set(xlabel="east, m", ylabel="north, m")
     scale = ScalarMappable(Normalize(-100.0 * most, 100.0 * most), ListedColormap(LOSS_COLOURS))
     figure.colorbar(scale, ax=panels.tolist(), label="time lost, s in 100 m", shrink=0.6, pad=0.01)
@@ -208,11 +208,11 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
     loss.axhline(0.0, color=BLACK, linewidth=1.0, label=reference.label)
     flights = [(reference, passings, BLACK)]
     for number, comparison in enumerate(comparisons):
-        colour, label = COLOURS[number % len(COLOURS)], f"{comparison.other.label}: {comparison.difference:+.3f} s"
+        colour, label = COLOURS[number % len(COLOURS)], f"{comparison.flight.label}: {comparison.difference:+.3f} s"
         loss.plot(
             comparison.progress.distance, comparison.progress.difference, color=colour, linewidth=1.8, label=label
         )
-        flights.append((comparison.other, comparison.progress.passings, colour))
+        flights.append((comparison.flight, comparison.progress.passings, colour))
     loss.legend(loc="best", fontsize=9, frameon=True, framealpha=0.85)
     for axes, (name, label, factor) in zip(strips, COMPARED, strict=True):
         axes.set_ylabel(label)

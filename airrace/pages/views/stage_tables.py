@@ -228,17 +228,17 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
         notes: sentences that belong to it.
     """
     best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
-    own, *alternatives = search.routes
-    place = "chosen" if any(route.difference < 0.0 for route in alternatives) else "best"
-    rolls = [route for route in alternatives if route.rolls and abs(route.difference) <= NEAR_ROLLS]
+    first, *further_routes = search.routes
+    place = "chosen" if any(route.difference < 0.0 for route in further_routes) else "best"
+    rolls = [route for route in further_routes if route.rolls and abs(route.difference) <= NEAR_ROLLS]
     rolls = rolls if len(rolls) > 1 else []
-    rows: list[tuple[str | float, ...]] = [(own.text, own.race_time, place, own.evaluated_by)]
+    rows: list[tuple[str | float, ...]] = [(first.text, first.race_time, place, first.evaluated_by)]
     if rolls:
         behind = 1e3 * max(route.difference for route in rolls)
         last = f"{abs(behind):.0f} ms {'ahead' if behind < 0.0 else 'behind'}"
         words = f"{len(rolls)} routes that roll otherwise on a leg, the last of them {last}"
         rows.append((words, rolls[0].race_time, rolls[0].difference, ""))
-    distinct_routes = [route for route in alternatives if route not in rolls]
+    distinct_routes = [route for route in further_routes if route not in rolls]
     visible_routes = distinct_routes if most is None else distinct_routes[: max(most - len(rows), 0)]
     rows += [(route.text, route.race_time, route.difference, route.evaluated_by) for route in visible_routes]
     if len(visible_routes) < len(distinct_routes):

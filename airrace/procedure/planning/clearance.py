@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from airrace.model.frames import right_wing, rotation
 from airrace.model.track.course import ClearanceRule, Course, Crowd, CrowdShape, SafetyLine
-from airrace.model.track.gates import Passing, Tolerant
+from airrace.model.track.gates import ElementWithTolerances, Passing
 from airrace.model.track.polygons import Point, area, beside, distance, edges, inside
 from airrace.optimal_control.trajectory import Array
 
@@ -134,7 +134,7 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     found: dict[Place, PylonPost] = {}
     for element in {passage.element.name: passage.element for passage in course.passages}.values():
         drawing, required = element.drawing(), LEAST_CLEARANCE
-        if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
+        if isinstance(element, ElementWithTolerances) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
         for number, post in enumerate(drawing.posts):
             pylon = PylonPost(element.name, post.north, post.east, drawing.post_height, required, number)

@@ -93,7 +93,7 @@ class BatchOptions:
 
         ensure_time(self.timeout)
         from airrace.runs.batch.planning import JobTemplate, find_sources, parse_sweeps
-        from airrace.runs.plan import stage_by_name
+        from airrace.runs.execution_plan import stage_by_name
 
         template = JobTemplate(
             tuple(self.aircraft), self.settings, tuple(self.set), parse_sweeps(self.sweep), self.until
@@ -107,7 +107,7 @@ class BatchOptions:
         """Return the plan of the batch; see `planning.make_plan`."""
         from airrace.runs.batch.planning import make_plan
         from airrace.runs.batch.record import Repeat
-        from airrace.runs.plan import stage_by_name
+        from airrace.runs.execution_plan import stage_by_name
         from airrace.runs.stored_inputs import library_versions
 
         repeat = Repeat.FAILED if self.retry_failed else Repeat.NONE
@@ -219,7 +219,7 @@ def optimize_many(
     """
     from airrace.runs.batch.reports import ranking_of
     from airrace.runs.batch.supervision import Watcher, supervise
-    from airrace.runs.plan import value_texts
+    from airrace.runs.execution_plan import value_texts
 
     wind = {f"environment.wind.{key}": values for key, values in (winds or {}).items()}
     options = BatchOptions(

@@ -11,29 +11,27 @@ standard air is behind that of the fastest one. What gates favour whom follows f
 
 import cmath
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 from airrace.errors import NotCertified, UsageError
-from airrace.files.inputs import Inputs, inputs_from_documents, load_inputs
+from airrace.files.inputs import Inputs, inputs_from_documents
 from airrace.files.inputs.air import ORIGIN, OTHER_SPEED, SPEED, WIND, overrides_of, winds_named
 from airrace.flights.results import Flight
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import Silent
 from airrace.procedure.stage import Stage
 from airrace.runs.batch.jobs import Combination, Sweep, combinations, job_name
-from airrace.runs.batch.record import make_folder
 from airrace.runs.execute import execute
+from airrace.runs.execution_plan import plan_new_run, plan_resumed_run
 from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
-from airrace.runs.plan import plan_new_run, plan_resumed_run, stage_by_name
-from airrace.runs.run import RunState, adopt_checkpoint, new_run
+from airrace.runs.run_state import RunState, adopt_checkpoint, new_run
 from airrace.runs.stage_data import stage_sensitivities
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import resolved_text
-from airrace.runtime.process import available_cores
 from airrace.runtime.standard_streams import stem_of
 
 ELEVATION = "origin.elevation_m"
@@ -47,13 +45,18 @@ FAVOURS_SHOWN = 12
 """The largest number of a gate's numbers that are shown to people."""
 
 
-def airs_of(winds: str) -> tuple[Combination, ...]:
-    """Return what is set for every wind of a rose, e.g. of `0,5,10kt@8`.
+def airs_of(winds: str | None, sweeps: Sequence[Sweep] = ()) -> tuple[Combination, ...]:
+    """Return what is set in still standard air, and in every wind of a rose, e.g. of `0,5,10kt@8`, and swept air.
 
     Raises:
-        UsageError: it is no rose.
+        UsageError: it is no rose, or a key is none of the air.
     """
-    return tuple(map(overrides_of, winds_named(winds)))
+    for sweep in sweeps:
+        if sweep.key != ELEVATION and not sweep.key.startswith("environment."):
+            text = f"`{sweep.key}` is no key of the air, which are those of `environment`, and `{ELEVATION}`"
+            raise UsageError(text)
+    rose = ((),) if winds is None else tuple(map(overrides_of, winds_named(winds)))
+    return (STANDARD_AIR, *((*wind, *swept) for swept, wind in product(combinations(sweeps), rose)))
 
 
 def air_text(air: Combination) -> str:
@@ -85,7 +88,7 @@ class Optimum:
 
 @dataclass(frozen=True)
 class NormalisedFlight:
-    """A flight, and the optima of its aircraft in the air that it flew in (`there`) and in still standard air, s.
+    """A flight, and the optima of its aircraft in the air that it flew in (`optimum`) and in still standard air, s.
 
     `race_time` is without penalties, s.
     """
@@ -93,13 +96,13 @@ class NormalisedFlight:
     label: str
     aircraft: str
     race_time: float
-    there: float
+    optimum: float
     standard: float
 
     @property
     def time(self) -> float:
         """What it would have taken in still standard air, s."""
-        return self.standard + self.race_time - self.there
+        return self.standard + self.race_time - self.optimum
 
 
 @dataclass(frozen=True)
@@ -205,11 +208,11 @@ class Fairness:
             columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
         rows: list[list[str | float]] = []
         for flight in self.flights:
-            gap = flight.race_time - flight.there
-            times = (flight.race_time, flight.there, gap, flight.standard, flight.time)
+            gap = flight.race_time - flight.optimum
+            times = (flight.race_time, flight.optimum, gap, flight.standard, flight.time)
             rows.append([flight.label, flight.aircraft, *times])
         notes = ["normalised: standard + gap; penalties are not in it"]
-        if any(flight.race_time < flight.there for flight in self.flights):
+        if any(flight.race_time < flight.optimum for flight in self.flights):
             notes.append("a flight that is faster than its optimum breaks a limit of it, or its air was another")
         return Table("flights as of still standard air", columns, rows, notes)
 
@@ -240,7 +243,17 @@ class Fairness:
         }
 
 
-class _OptimumSolver:
+@dataclass(frozen=True)
+class RecordedFlight:
+    """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs."""
+
+    flight: Flight
+    stem: str
+    run: RunState | None
+    inputs: Inputs
+
+
+class OptimumSolver:
     """A solver that finds the optimum of the same inputs once.
 
     Args:
@@ -254,7 +267,7 @@ class _OptimumSolver:
     def __init__(
         self, until: Stage, folder: Path | None, threads: int, cold: bool, tell: Callable[[str], None]
     ) -> None:
-        self._until, self._folder, self._threads, self._cold, self._tell = until, folder, threads, cold, tell
+        self.until, self._folder, self._threads, self._cold, self._tell = until, folder, threads, cold, tell
         self._solved: dict[str, tuple[Optimum, RunState]] = {}  # by the text of the inputs
 
     def solve(self, inputs: Inputs, stem: str, air: str, start: RunState | None = None) -> tuple[Optimum, RunState]:
@@ -273,81 +286,38 @@ class _OptimumSolver:
     def _run(self, inputs: Inputs, name: str, start: RunState | None) -> tuple[Optimum, RunState]:
         path = None if self._folder is None else self._folder / f"{name}.h5"
         stored_run = adopt_checkpoint(new_run(inputs, path))
-        if self._until in stored_run:
-            plan = plan_resumed_run(stored_run, until=self._until)
+        if self.until in stored_run:
+            plan = plan_resumed_run(stored_run, until=self.until)
         else:
             usable = start is not None and any(result.holds for result in start.results)
-            plan = plan_new_run(inputs, until=self._until, path=path, start=start if usable else None)
+            plan = plan_new_run(inputs, until=self.until, path=path, start=start if usable else None)
         run = plan.run
         if not plan.steps or any(step.action != "keep" for step in plan.steps):
             for state in execute(plan, threads=self._threads, progress=Silent()):
                 run = state
         for stage in run.stages:
-            if stage.stage is self._until and stage.result.holds:
+            if stage.stage is self.until and stage.result.holds:
                 return Optimum(stage.race_time, run.message, stage), run
         return Optimum(math.nan, run.message or "no flight was found", None), run
 
 
-def fairness(
-    track: str | Path,
-    *,
-    aircraft: Sequence[str | Path] = (),
-    winds: str | None = None,
-    sweep: Sequence[Sweep] = (),
-    flights: Sequence[str] = (),
-    settings: str | Path | None = None,
-    set: Sequence[str] = (),
-    until: str | Stage | None = None,
-    cold: bool = False,
-    output: str | Path | None = None,
-    threads: int | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+def find_fairness(
+    course: str,
+    inputs_of: Mapping[str, Inputs],
+    airs: Sequence[Combination],
+    flights: Sequence[RecordedFlight],
+    solver: OptimumSolver,
 ) -> Fairness:
-    """Return what aircraft and air are worth on a course, as `airrace fairness` does.
+    """Return what aircraft and air are worth on a course; see `airrace.fairness`.
 
     Args:
-        track: a shipped course, by name, or a file.
-        aircraft: names or files; empty for the one that the track names.
-        winds: e.g. `0,5,10kt@8`; None for that of the course.
-        sweep: other keys of the air, such as `environment.temperature_offset_K`, and their values.
-        flights: runs and flight logs, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, whose times are normalised.
-        settings: a settings file; None for the defaults.
-        set: `key=value` texts for all optima but those of flights.
-        until: the fidelity of the optima, e.g. `point-mass`; None for the last one there is.
-        cold: whether every optimum is found from the course alone as well, and the faster one taken: slower, but no
-            route is missed for the start.
-        output: a folder for runs, which a second call takes up; None for none.
-        threads: threads that evaluate derivatives; None for all cores.
-        tell: hears of every optimum, in words.
-
-    Raises:
-        InputError: the inputs are not valid; it carries all findings.
-        UsageError: an argument is out of range, or two aircraft have one name.
-        CheckpointError: a flight cannot be read.
-        StorageError: the folder cannot be written to.
+        course: its name.
+        inputs_of: the inputs with each aircraft, by its name.
+        airs: the conditions, still standard air first.
+        flights: whose times are normalised.
+        solver: of the optima.
     """
-    stage = stage_by_name(until)
-    for values in sweep:
-        if values.key != ELEVATION and not values.key.startswith("environment."):
-            text = f"`{values.key}` is no key of the air, which are those of `environment`, and `{ELEVATION}`"
-            raise UsageError(text)
-    rose = ((),) if winds is None else airs_of(winds)
-    airs = (STANDARD_AIR, *((*wind, *swept) for swept, wind in product(combinations(sweep), rose)))
-    inputs_of: dict[str, Inputs] = {}
-    for name in aircraft:
-        inputs = load_inputs(track, aircraft=name, settings=settings, overrides=set)
-        inputs_of[stem_of(Path(name))] = inputs
-    if len(inputs_of) < len(aircraft):
-        raise UsageError("two aircraft have one name; rename a file")
-    if not inputs_of:
-        inputs = load_inputs(track, settings=settings, overrides=set)
-        inputs_of[stem_of(Path(inputs.aircraft.path))] = inputs
     inputs_in_airs = {name: [_in_air(inputs, air) for air in airs] for name, inputs in inputs_of.items()}
-    recorded_flights = [_open_flight(text) for text in flights]
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        make_folder(folder)
-    solver, course = _OptimumSolver(stage, folder, threads or available_cores(), cold, tell), stem_of(Path(track))
     columns: list[list[Optimum]] = []
     for name, inputs_by_air in inputs_in_airs.items():
         column: list[Optimum] = []
@@ -360,9 +330,9 @@ def fairness(
                 starts.append((air, run))
         columns.append(column)
     optima = tuple(zip(*columns, strict=True))
-    normalised = tuple(_normalise(flight, solver) for flight in recorded_flights)
+    normalised = tuple(_normalise(flight, solver) for flight in flights)
     fastest_first = tuple(sorted(normalised, key=lambda flight: (math.isnan(flight.time), flight.time)))
-    return Fairness(course, stage, tuple(inputs_of), airs, optima, _favours(optima[0]), fastest_first)
+    return Fairness(course, solver.until, tuple(inputs_of), tuple(airs), optima, _favours(optima[0]), fastest_first)
 
 
 def _in_air(inputs: Inputs, air: Combination) -> Inputs:
@@ -399,27 +369,17 @@ def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
     return tuple(sorted(favours, key=lambda favour: favour.difference, reverse=True))
 
 
-@dataclass(frozen=True)
-class _RecordedFlight:
-    """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs."""
-
-    flight: Flight
-    stem: str
-    run: RunState | None
-    inputs: Inputs
-
-
-def _open_flight(text: str) -> _RecordedFlight:
+def open_flight(text: str) -> RecordedFlight:
     """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`."""
     name = FlightName.of(text)
     run_or_log = open_file(name.path)
     run = run_or_log if isinstance(run_or_log, RunState) else None
-    return _RecordedFlight(
+    return RecordedFlight(
         source_of(run_or_log, name.stage).flight(), stem_of(name.path), run, _in_air(run_or_log.inputs, ())
     )
 
 
-def _normalise(recorded: _RecordedFlight, solver: _OptimumSolver) -> NormalisedFlight:
+def _normalise(recorded: RecordedFlight, solver: OptimumSolver) -> NormalisedFlight:
     """Return a flight with the optima of its aircraft in its own and in still standard air."""
     flight, inputs, stem = recorded.flight, recorded.inputs, recorded.stem
     own_air_optimum, run = solver.solve(inputs, stem, "as flown", recorded.run)

@@ -55,7 +55,7 @@ class JsonProgress(Progress):
 
 
 def main() -> None:
-    """Run the job; whatever happens in it becomes its answer."""
+    """Run the job; whatever happens in it becomes its result."""
     interrupts.listen()
     process.omit_memory_tracebacks()
     process.set_parent_death_signal()
@@ -68,29 +68,34 @@ def main() -> None:
     job = Job.from_object(request["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:
         progress = JsonProgress(replies)
-        answer = CommandResult(empty_result(job.course))
+        command_result = CommandResult(empty_result(job.course))
         try:
-            _fly(answer, job, Path(request["checkpoint"]), progress)
+            _fly(command_result, job, Path(request["checkpoint"]), progress)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
-            record_failure(answer, error)
+            record_failure(command_result, error)
             if isinstance(error, SolverCrash) and error.status == -getattr(signal, "SIGKILL", 9):
-                answer.error += " (out of memory?)"  # the solver has most of it, and the system picks it
-        findings = [asdict(finding) for finding in answer.findings]
-        end_fields = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
+                command_result.error += " (out of memory?)"  # the solver has most of it, and the system picks it
+        findings = [asdict(finding) for finding in command_result.findings]
+        end_fields = {
+            "code": int(command_result.code),
+            "run": command_result.fields,
+            "error": command_result.error,
+            "findings": findings,
+        }
         progress.write({"ended": end_fields})
-    sys.exit(int(answer.code))
+    sys.exit(int(command_result.code))
 
 
-def _fly(answer: CommandResult, job: "Job", path: Path, progress: Progress) -> None:
+def _fly(command_result: CommandResult, job: "Job", path: Path, progress: Progress) -> None:
     """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
     from airrace.files.inputs import inputs_from_documents
     from airrace.runs.execute import execute_for_command
-    from airrace.runs.plan import plan_resumed_run
-    from airrace.runs.run import adopt_checkpoint, new_run
+    from airrace.runs.execution_plan import plan_resumed_run
+    from airrace.runs.run_state import adopt_checkpoint, new_run
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = adopt_checkpoint(new_run(inputs, path))
-    execute_for_command(answer, plan_resumed_run(run, until=job.until), threads=1, progress=progress)
+    execute_for_command(command_result, plan_resumed_run(run, until=job.until), threads=1, progress=progress)
 
 
 def _end_after(requests: IO[bytes]) -> None:

@@ -20,12 +20,10 @@ from airrace.model.track.course import Origin
 from airrace.pages.views.tables import Column, Table, Value
 from airrace.procedure.result import Status
 from airrace.procedure.stage import Stage
-from airrace.runs.batch import Sweeps, sweep_texts
 from airrace.runs.batch.jobs import Combination, Sweep, combinations, cover
-from airrace.runs.batch.planning import parse_sweeps
+from airrace.runs.execution_plan import Changes
 from airrace.runs.output import write_text
-from airrace.runs.plan import Changes, Values, value_texts
-from airrace.runs.run import RunState, open_run
+from airrace.runs.run_state import RunState
 from airrace.runs.session import Session, ensure_of_one_stage
 from airrace.runs.stage_view import StageView
 from airrace.runtime.process import available_cores
@@ -143,55 +141,27 @@ def ensure_sweep_file(path: Path) -> None:
         extra("pyarrow", "a Parquet file", "parquet")
 
 
-def sweep(
-    run: RunState | str | Path,
-    sweep: Sweeps,
-    *,
-    stage: str | Stage | None = Stage.POINT_MASS,
-    set: Values = (),
-    threads: int | None = None,
-    output: str | Path | None = None,
-    tell: Callable[[int, int], None] | None = None,
+def solve_combinations(
+    run: RunState,
+    stage: str | Stage | None,
+    sweeps: Sequence[Sweep],
+    overrides: Sequence[str],
+    threads: int | None,
+    tell: Callable[[int, int], None] | None,
 ) -> SweepResult:
-    """Solve one stage of a run under all combinations of values, as `airrace sweep` does: no files, no new routes.
+    """Solve one stage of a run under all combinations of values; see `airrace.sweep`.
 
-    Examples:
-        >>> result = airrace.sweep(run, {"rules.n_z_max": "9:9.5:0.5"})
-        >>> [f"{point.race_time - result.reference:.3f}" for point in result.points]
-        ['0.074', '0.028']
-
-    Args:
-        run: the run, or its file.
-        sweep: the keys and their values: `{"rules.n_z_max": [9, 10]}`, or `"9:12:0.5"` for a range.
-        stage: which stage; None for the last one.
-        set: values that are otherwise than in the run, for all combinations, see `optimize`.
-        threads: how many are solved at a time; None for all cores. Results do not depend on it.
-        output: a file to be written, `.csv` or `.parquet`; None for none.
-        tell: called with how many are solved, and of how many.
-
-    Raises:
-        InputError: a sweep is not valid, or a value of one; it carries all findings.
-        UsageError: nothing is swept, there are too many combinations, the passings change, settings or a reserve are
-            to be others than the run's, or the run has no such optimum.
-        SolverCrash: a solver process died.
+    Results do not depend on the number of threads.
     """
-    source = run if isinstance(run, RunState) else open_run(Path(run))
-    path = None if output is None else Path(output)
-    if path is not None:
-        ensure_sweep_file(path)
-    sweeps, overrides = parse_sweeps(sweep_texts(sweep)), value_texts(set)
     number = math.prod(len(values.values) for values in sweeps)
     if not sweeps or number > POINTS_MAX:
         raise UsageError("nothing is swept" if not sweeps else f"{number} combinations: at most {POINTS_MAX} are swept")
     for combination in cover(sweeps):
-        ensure_of_one_stage(source, Changes(overrides=_texts(overrides, combination)).inputs(source))
+        ensure_of_one_stage(run, Changes(overrides=_texts(overrides, combination)).inputs(run))
     every = list(combinations(sweeps))
     chunks = [every[first : first + CHUNK] for first in range(0, number, CHUNK)]
-    result = _solve_chunks(source, stage, overrides, chunks, threads or available_cores(), tell)
-    result = replace(result, without_effect=tuple(_without_effect(source, overrides, sweeps)))
-    if path is not None:
-        result.write(path)
-    return result
+    result = _solve_chunks(run, stage, overrides, chunks, threads or available_cores(), tell)
+    return replace(result, without_effect=tuple(_without_effect(run, overrides, sweeps)))
 
 
 def _without_effect(run: RunState, overrides: Sequence[str], sweeps: Sequence[Sweep]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from airrace.errors import UsageError
 from airrace.files.export import flight_table as module
-from airrace.files.export.csv import Provenance, export_csv
+from airrace.files.export.csv import FlightOrigin, export_csv
 from airrace.files.export.flight_table import (
     Samples,
     at_nodes,
@@ -45,7 +45,7 @@ SPLITS = (
     GateSplit("1:g2", 3.75, 85.0, 20.0, 7.5, -math.pi / 2, 0.0, -1e-12),
 )
 STAMP = Stamp("point-mass", Status.CERTIFIED, (), "Edge 540", "still air", "race")
-PROVENANCE = Provenance("Rovinj\n2014", STAMP, "0.1.0")
+PROVENANCE = FlightOrigin("Rovinj\n2014", STAMP, "0.1.0")
 
 
 def at_rate(trajectory: Trajectory, rate: float) -> Samples:

@@ -17,7 +17,7 @@ from airrace.model.track.course import PilotLimits, StartSpeed
 from airrace.procedure.planning.lint import RemarkKind
 from airrace.procedure.planning.parameters import relaxable_parameters
 from airrace.runs.courses import check_course
-from airrace.runs.plan import plan_new_run
+from airrace.runs.execution_plan import plan_new_run
 
 TRACK = Path("rovinj_2014")
 

@@ -15,7 +15,7 @@ import pytest
 from synthetic import BEGIN, fixes, gpx_text, igc_text, known, on_globe, race
 
 from airrace.errors import InputError
-from airrace.files.inputs.log_layout import read_layout, with_columns
+from airrace.files.inputs.log_columns import read_layout, with_columns
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.dialects import DIALECTS, dialect_of
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log

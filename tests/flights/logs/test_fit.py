@@ -8,7 +8,8 @@ import synthetic
 from command import run as airrace
 
 import airrace.runs.fit as fitting
-from airrace.runs.aircraft import read_aircraft_file
+from airrace.api.aircraft import fit
+from airrace.runs.aircraft_file import read_aircraft_file
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -74,5 +75,5 @@ def test_a_log_that_is_too_coarse_or_flies_elsewhere_is_told_what_is_missing() -
 @pytest.mark.slow
 def test_the_truth_lies_within_the_deviations() -> None:
     write_log(20.0)
-    fitted = fitting.fit("log.csv", "rovinj_2014", aircraft="edge540")
+    fitted = fit("log.csv", "rovinj_2014", aircraft="edge540")
     assert np.all(np.abs(fitted.estimate.factors) < 3.0 * fitted.estimate.deviations[:3])

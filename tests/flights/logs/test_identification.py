@@ -14,7 +14,7 @@ from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
 from airrace.flights.logs.smoothing import smooth
 from airrace.optimal_control.trajectory import Array
-from airrace.runs.aircraft import read_aircraft_file
+from airrace.runs.aircraft_file import read_aircraft_file
 
 AIR = replace(synthetic.race().air, wind=None)
 START = read_aircraft_file("edge540").aircraft

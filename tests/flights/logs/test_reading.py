@@ -13,7 +13,7 @@ from synthetic import BEGIN, Fixes, acmi_text, csv_text, fixes, gpx_text, igc_te
 
 from airrace.errors import InputError, UsageError
 from airrace.files.inputs import load_inputs
-from airrace.files.inputs.log_layout import read_layout, with_columns
+from airrace.files.inputs.log_columns import read_layout, with_columns
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import flight_from_log
 from airrace.flights.logs.passings import in_frame, in_order

@@ -11,7 +11,7 @@ import pytest
 from synthetic import BEGIN, Fixes, acmi_text, fixes, gpx_text, igc_text, known, on_globe, race
 
 from airrace.errors import InputError
-from airrace.files.inputs.log_layout import with_columns
+from airrace.files.inputs.log_columns import with_columns
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic import Fixes, csv_text, fixes, known, race
 
-from airrace.files.inputs.log_layout import read_layout
+from airrace.files.inputs.log_columns import read_layout
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log

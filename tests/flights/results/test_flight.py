@@ -13,8 +13,8 @@ from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
 from airrace.cli import run_tables
-from airrace.cli.answer import render
 from airrace.cli.main import app
+from airrace.cli.printed_result import render
 from airrace.cli.run_tables import comparison_texts, near_miss_table
 from airrace.errors import UsageError
 from airrace.flights.results import Basis, Flight, laps_of, legs_of
@@ -329,7 +329,7 @@ def test_the_difference_at_every_passing_is_the_difference_of_the_clocks() -> No
 
 def test_flights_that_change_places_change_the_sign() -> None:
     here = optima()
-    there = compare_flights(here.other, here.reference)
+    there = compare_flights(here.flight, here.reference)
     assert there.difference == -here.difference
     np.testing.assert_allclose(there.progress.difference, -here.progress.difference, atol=1e-12)
     for one, other in zip(here.legs, there.legs, strict=True):
@@ -360,7 +360,7 @@ def test_a_slower_flight_of_the_same_way_is_lost_by_the_speed_alone() -> None:
         assert leg.by_way == pytest.approx(0.0, abs=1e-4)
         assert leg.by_speed == pytest.approx(leg.difference, abs=1e-4)
         (speed,) = [one for one in leg.differences if one.name == "speed_in"]
-        assert speed.reference - speed.other == pytest.approx(5.0 / KNOT)
+        assert speed.reference - speed.value == pytest.approx(5.0 / KNOT)
         assert speed.text == "9.7 kt slower in"
 
 

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 from airrace.files.export.formats import formats
 from airrace.files.export.globe import BEGIN, on_globe
 from airrace.files.inputs import load_inputs
-from airrace.flights.results import Confirmation
+from airrace.flights.results import Verification
 from airrace.flights.results.stamp import ReserveState, Stamp, air_text
 from airrace.model.environment import Air, StaticWind, Thermal
 from airrace.optimal_control.certificate import Certificate, Item
@@ -70,8 +70,8 @@ def test_the_items_that_fail_are_named_and_so_is_what_else_speaks_against_a_stag
     assert replace(one, result=replace(one.result, certificate=broken)).stamp.verdict == "not certified: clearance"
     stale = replace(one, stale="its course changed", result=downgrade_stale(one.result, "its course changed"))
     assert stale.stamp.verdict == "not certified: it no longer stands"
-    refuted = Confirmation(False, "kkt_error is another")
-    shown = replace(one, confirmation=refuted, result=downgrade_stale(one.result, "", refuted.refutation))
+    refuted = Verification(False, "kkt_error is another")
+    shown = replace(one, verification=refuted, result=downgrade_stale(one.result, "", refuted.refutation))
     assert shown.stamp.verdict == "not certified: verification failed"
 
 

@@ -40,7 +40,7 @@ def test_parts_add_up_to_every_leg_and_losses_to_the_difference_of_the_race_time
 
 
 def test_parts_change_their_sign_when_the_flights_change_places() -> None:
-    there = compare_flights(optima().other, optima().reference)
+    there = compare_flights(optima().flight, optima().reference)
     for mine, its in zip(optima().legs, there.legs, strict=True):
         parts, others = loss_parts(optima(), mine), loss_parts(there, its)
         assert [parts[one] for one in Cause] == pytest.approx([-others[one] for one in Cause], abs=1e-12)
@@ -91,7 +91,7 @@ def test_terminal_object_and_report_tell_the_same() -> None:
     printed = " ".join("\n".join(comparison_texts([comparison], every=False)).split())
     flights: list[object] = comparison_object(comparison.reference, [comparison])["flights"]  # type: ignore[assignment]
     told = flights[0]["costs"]["costliest"]  # type: ignore[index]
-    page = flight_page([comparison.reference, comparison.other])
+    page = flight_page([comparison.reference, comparison.flight])
     assert [one["text"] for one in told] == texts
     for text in texts:
         assert text in printed

@@ -12,7 +12,7 @@ from airrace.errors import UsageError
 from airrace.files.inputs.air import Wind, winds_named
 from airrace.flights.safety.closed_loop import Flights, fly
 from airrace.flights.safety.disturbances import UNDISTURBED, Gusts, Scatter
-from airrace.flights.safety.evaluation import Judge, grid_of, measure, together
+from airrace.flights.safety.judge import Judge, grid_of, measure, together
 from airrace.flights.safety.monte_carlo import (
     Count,
     closed_loop_of,
@@ -45,7 +45,7 @@ def judge() -> Judge:
 
 
 def test_errors_and_displacements_are_inverse() -> None:
-    clock = np.linspace(0.0, loop().nominal.passings[-1], 40)
+    clock = np.linspace(0.0, loop().nominal.passing_times[-1], 40)
     line = loop().nominal.at(clock)
     line[4:8] /= np.linalg.norm(line[4:8], axis=0)
     some = 0.1 * np.random.default_rng(1).standard_normal((len(ERRORS), 40))
@@ -209,7 +209,7 @@ def test_a_flight_beside_its_gates_misses_them_and_too_low_is_too_low() -> None:
 
 
 def test_a_pylon_in_the_way_is_touched() -> None:
-    line = loop().nominal.at(np.array([0.5 * loop().nominal.passings[-1]]))[:, 0]
+    line = loop().nominal.at(np.array([0.5 * loop().nominal.passing_times[-1]]))[:, 0]
     free = judge()
     post = replace(free.pylons[0], north=float(line[0]), east=float(line[1]), height=200.0)
     one = replace(free, pylons=(*free.pylons, post))
@@ -220,13 +220,13 @@ def test_a_pylon_in_the_way_is_touched() -> None:
 
 
 def test_a_pylon_at_the_finish_is_touched_by_the_step_that_crosses_it() -> None:
-    line = loop().nominal.at(loop().nominal.passings[-1:])[:, 0]
+    line = loop().nominal.at(loop().nominal.passing_times[-1:])[:, 0]
     post = replace(judge().pylons[0], north=float(line[0]), east=float(line[1]), height=200.0)
     assert measure(replace(judge(), pylons=(post,)), loop(), fly(loop(), UNDISTURBED, 0, [0])).touched.all()
 
 
 def test_a_flight_that_was_lost_touches_nothing_afterwards() -> None:
-    line = loop().nominal.at(np.array([0.5 * loop().nominal.passings[-1]]))[:, 0]
+    line = loop().nominal.at(np.array([0.5 * loop().nominal.passing_times[-1]]))[:, 0]
     free = judge()
     post = replace(free.pylons[0], north=float(line[0]), east=float(line[1]), height=200.0)
     flights = fly(loop(), UNDISTURBED, 0, [0])
@@ -241,7 +241,7 @@ def test_a_wing_tip_below_the_origin_touches_the_ground() -> None:
     flights = fly(loop(), UNDISTURBED, 0, [0])
     q0, q1, q2, q3 = (flights.state[:, row, 0] for row in range(4, 8))
     tips = -flights.state[:, 2, 0] - judge().semispan * np.abs(2.0 * (q2 * q3 + q0 * q1))
-    lowest = float(tips[flights.clock[:, 0] <= loop().nominal.passings[-1]].min())
+    lowest = float(tips[flights.clock[:, 0] <= loop().nominal.passing_times[-1]].min())
     for above in (0.2, -0.2):
         found = measure(judge(), loop(), moved(0.0, 0.0, above - lowest))
         assert found.along["ground"].tolist() == [above < 0.0]
@@ -249,7 +249,7 @@ def test_a_wing_tip_below_the_origin_touches_the_ground() -> None:
 
 def test_a_wing_too_near_to_a_pylon_or_an_obstacle_breaks_a_rule_without_a_touch() -> None:
     """A mast a metre below the middle of the line, of an aircraft without wings: 1.5 m are asked for, or 0.9 m."""
-    line = loop().nominal.at(np.array([0.5 * loop().nominal.passings[-1]]))[:, 0]
+    line = loop().nominal.at(np.array([0.5 * loop().nominal.passing_times[-1]]))[:, 0]
     for asked, near in ((1.5, True), (0.9, False)):
         mast = Obstacle("mast", (Point(float(line[0]), float(line[1])),), 0.0, float(-line[2]) - 1.0, asked)
         course = replace(inputs().race.course, obstacles=(mast,))
@@ -272,7 +272,7 @@ def test_a_quantile_is_reported_only_of_so_many_flights_that_one_is_beyond() -> 
         flights = fly(loop(), UNDISTURBED, 0, [0])
         many = together([measure(judge(), loop(), flights)] * count)
         (_, *gates) = gate_stretches(["a", "b", "c"], many, np.zeros((3, 5)))
-        (*legs,) = leg_stretches(["a", "b", "c"], loop().nominal.passings, grid_of(loop().nominal), many)
+        (*legs,) = leg_stretches(["a", "b", "c"], loop().nominal.passing_times, grid_of(loop().nominal), many)
         deviations = [one.deviations["height"] for one in (*gates, *legs)]
         assert np.isfinite([one.mean for one in gates[0].deviations.values()]).all()
         (same,) = {tuple(np.isfinite(one.quantiles).tolist()) for one in deviations}

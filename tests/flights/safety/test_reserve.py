@@ -23,7 +23,7 @@ from airrace.files.inputs import Inputs, inputs_from_documents
 from airrace.files.inputs.variation import Variation
 from airrace.flights.safety.closed_loop import fly
 from airrace.flights.safety.disturbances import Gusts, Scatter
-from airrace.flights.safety.evaluation import Judge, measure
+from airrace.flights.safety.judge import Judge, measure
 from airrace.flights.safety.monte_carlo import LOAD, closed_loop_of
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.reserve import STALL, Limit, allocate, limits_of
@@ -32,12 +32,12 @@ from airrace.model.track.gates import Gate
 from airrace.optimal_control.quantities import KNOT
 from airrace.procedure.planning.parameters import course_limits, with_margins
 from airrace.procedure.result import Silent
-from airrace.runs import reserve as reserves
+from airrace.runs import reserve_search as reserves
 from airrace.runs.execute import execute, unreached
-from airrace.runs.plan import Changes, in_force, plan_changed_run, plan_new_run, plan_resumed_run
-from airrace.runs.reserve import fly_reserve
+from airrace.runs.execution_plan import Changes, in_force, plan_changed_run, plan_new_run, plan_resumed_run
 from airrace.runs.reserve_attempts import asked_text, reserve_state
-from airrace.runs.run import RunState, new_run, open_run
+from airrace.runs.reserve_search import fly_reserve
+from airrace.runs.run_state import RunState, new_run, open_run
 
 SMALL = Scatter(Gusts.NONE, 0.1 * KNOT, 0.001, 0.001, 0.0, 0.0)
 """Disturbances so small that no limit of stick or stall counts."""

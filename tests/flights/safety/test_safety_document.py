@@ -26,7 +26,7 @@ from airrace.pages.report.browser import browser_path, print_pdf
 from airrace.pages.report.document import document_page
 from airrace.pages.views.drawing import figure_address
 from airrace.pages.views.safety_views import BANDS, envelope_figure
-from airrace.runs.run import RunState, new_run
+from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import SafetyCase
 from airrace.runs.safety_files import NO_CROWD, ensure_safety_file, safety_document
 from airrace.runs.safety_rose import SafetyRose, fly_runs

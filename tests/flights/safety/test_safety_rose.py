@@ -7,7 +7,7 @@ import pytest
 from safety_courses import inputs, optimum
 
 from airrace.errors import UsageError
-from airrace.runs.run import RunState, new_run
+from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import SafetyCase
 from airrace.runs.safety_rose import fly_rose
 from airrace.runs.stage_view import StageView

@@ -27,7 +27,7 @@ from airrace.model.dynamics.flight_manual import (
 )
 from airrace.model.dynamics.handling import faults
 from airrace.model.environment import RHO_ISA, g0
-from airrace.runs.aircraft import read_aircraft_file
+from airrace.runs.aircraft_file import read_aircraft_file
 
 
 def changed(aircraft: Aircraft, group: str, **values: Any) -> Aircraft:

@@ -23,7 +23,7 @@ import airrace
 from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.files.inputs import load_inputs
-from airrace.flights.results import Confirmation, Flight, ReserveState
+from airrace.flights.results import Flight, ReserveState, Verification
 from airrace.flights.results.comparison import compare_flights
 from airrace.flights.results.flight_facts import leg_facts
 from airrace.flights.safety.monte_carlo import SafetyResult
@@ -140,7 +140,7 @@ def test_only_a_flight_whose_reserve_was_measured_is_not_said_to_have_none() -> 
         (replace(measured, source="calm.h5"), True),
         (replace(measured, reached=False), True),
     ):
-        section = claim_section("certified", Confirmation(True), replace(stamp, reserve=reserve))
+        section = claim_section("certified", Verification(True), replace(stamp, reserve=reserve))
         assert ("the flight has no reserve" in section) is told
 
 
@@ -187,7 +187,7 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
 
 def test_the_legs_come_with_what_differs_and_what_they_come_near_to() -> None:
     comparison = compare_flights(half_cuban().flight(), windy().flight(label="windy"))
-    page = flight_page([comparison.reference, comparison.other])
+    page = flight_page([comparison.reference, comparison.flight])
     cells = set(read(page).texts["td"])
     assert {", ".join(one.text for one in leg.differences) for leg in comparison.legs} <= cells
     assert "Wind: 20 kt from 70 deg against none." in page

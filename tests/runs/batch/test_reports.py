@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
-from airrace.cli.answer import render, terminal_columns
 from airrace.cli.batch_output import NAME_MAX, fold_name, ranking_tables, wind_tables
+from airrace.cli.printed_result import render, terminal_columns
 from airrace.errors import Finding
 from airrace.procedure.stage import STAGES
 from airrace.runs.batch import reports

@@ -96,7 +96,7 @@ source: {source}
 
 
 @dataclass(frozen=True)
-class Provenance:
+class AircraftOrigin:
     """What an aircraft's numbers come from: the start of a sentence, marks and their meanings, and a source."""
 
     sentence: str
@@ -104,7 +104,7 @@ class Provenance:
     source: str
 
 
-MANUAL = Provenance(
+MANUAL = AircraftOrigin(
     "An aircraft that is estimated from its flight manual",
     (
         ("given", "a figure of the flight manual"),
@@ -149,7 +149,7 @@ def aircraft_text(
     aircraft: Aircraft,
     relations: Relations,
     figures: ManualFigures | None = None,
-    origin: Provenance = MANUAL,
+    origin: AircraftOrigin = MANUAL,
 ) -> str:
     """Return the text of the file of an aircraft that was made of a template, with a manual's figures at its end.
 

@@ -19,12 +19,12 @@ from airrace.flights.safety.plant import STATE, STATES
 from airrace.model.dynamics.observations import CrossingParameters, crossing_observation
 from airrace.model.frames import rotation
 from airrace.model.track.course import Course
-from airrace.model.track.gates import Passing, Tolerant
+from airrace.model.track.gates import ElementWithTolerances, Passing
 from airrace.optimal_control.problem import Boundary
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.system import Observation, at_points
 from airrace.optimal_control.trajectory import Array
-from airrace.procedure.formulation import boundary
+from airrace.procedure import formulation
 from airrace.procedure.planning.clearance import (
     PylonPost,
     Wing,
@@ -89,7 +89,7 @@ class Judge:
     Attributes:
         course: whose rules they are.
         waypoints: the passages as they were made, those of a point as those of its window.
-        passings: the conditions of every passage.
+        boundaries: the conditions of every passage.
         states: of the optimum at the passages, shape (17, n).
         loads: its load factor there, g; shape (n,).
         pylons: of the course.
@@ -100,7 +100,7 @@ class Judge:
 
     course: Course
     waypoints: tuple[Waypoint, ...]
-    passings: tuple[Boundary, ...]
+    boundaries: tuple[Boundary, ...]
     states: Array
     loads: Array
     pylons: tuple[PylonPost, ...]
@@ -116,19 +116,19 @@ class Judge:
         pace = cruise(race.aircraft, race.course.rules)
         for waypoint in plan_from_solution(race.course, pace, result.trajectory).waypoints:
             element, passage = waypoint.passage.element, waypoint.passage
-            if isinstance(element, Tolerant) and element.passing is Passing.POINT:
+            if isinstance(element, ElementWithTolerances) and element.passing is Passing.POINT:
                 kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
                 passage = replace(passage, element=replace(kind, passing=Passing.WINDOW))
             waypoints.append(replace(waypoint, passage=passage))
         crossing = crossing_observation(plant.system.states)
-        states = loop.nominal.at(loop.nominal.passings)
+        states = loop.nominal.at(loop.nominal.passing_times)
         inputs = np.zeros((plant.path.size1_in(1), states.shape[1]))
         row = plant.path_row("n_z")
         limit = plant.system.path[row]
         return cls(
             race.course,
             tuple(waypoints),
-            tuple(boundary(waypoint, crossing, span) for waypoint in waypoints),
+            tuple(formulation.boundary(waypoint, crossing, span) for waypoint in waypoints),
             states,
             plant.path_of(inputs)(states)[row],
             pylons_of(race.course),
@@ -139,7 +139,7 @@ class Judge:
 
     def boundary(self, waypoint: Waypoint) -> Boundary:
         """Return the conditions of a passage."""
-        return boundary(waypoint, self.seen, 2.0 * self.semispan)
+        return formulation.boundary(waypoint, self.seen, 2.0 * self.semispan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,24 +189,24 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
     nominal = loop.nominal
     count = flights.clock.shape[1]
     lost = flights.lost < len(flights.clock)
-    crossed = np.full((len(judge.passings), 5, count), np.nan)
+    crossed = np.full((len(judge.boundaries), 5, count), np.nan)
     breaches = {
-        kind: np.zeros((len(judge.passings), count), bool) for kind in (*dict.fromkeys(KINDS.values()), "tolerance")
+        kind: np.zeros((len(judge.boundaries), count), bool) for kind in (*dict.fromkeys(KINDS.values()), "tolerance")
     }
-    for number, passing in enumerate(judge.passings):
+    for number, boundary in enumerate(judge.boundaries):
         state, load, late = _crossing(judge, nominal, flights, number)
         missed = ~np.isfinite(state).all(axis=0)
-        _judge(judge, passing, number, np.where(missed, judge.states[:, [number]], state), breaches)
+        _judge(judge, boundary, number, np.where(missed, judge.states[:, [number]], state), breaches)
         for breach in breaches.values():
             breach[number] &= ~missed
         breaches["missed"][number] |= missed
         at_passing = judge.states[:, [number]]
         e = errors(state, np.repeat(at_passing, count, axis=1))
-        axis = axis_of(passing, at_passing)
+        axis = axis_of(boundary, at_passing)
         offset = state[:2] - at_passing[:2]
         right = axis[0] * offset[1] - axis[1] * offset[0]
         crossed[number] = np.stack([right, at_passing[2] - state[2], e[4], load - judge.loads[number], late])
-    racing = (flights.clock >= nominal.passings[0]) & (flights.clock <= nominal.passings[-1])
+    racing = (flights.clock >= nominal.passing_times[0]) & (flights.clock <= nominal.passing_times[-1])
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
     centre, half = wing_of(np.transpose(flights.state, (1, 2, 0)), judge.semispan)  # (3, n, K)
     nearest = _pylons(judge, flights, racing, centre, half)
@@ -225,39 +225,39 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
     )
 
 
-def axis_of(passing: Boundary, state: Array) -> tuple[float, float]:
+def axis_of(boundary: Boundary, state: Array) -> tuple[float, float]:
     """Return the direction across the plane of a passage: the gate's axis, else the course, or north on a vertical."""
-    values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
-    if "along" in passing.bounds:
+    values = dict(zip(CrossingParameters.names(), boundary.values, strict=False))
+    if "along" in boundary.bounds:
         return values["axis_north"], values["axis_east"]
     R = rotation([float(component) for component in state[4:8, 0]])
     level = float(np.hypot(R[0][0], R[1][0]))
     return (R[0][0] / level, R[1][0] / level) if level > 1e-9 else (1.0, 0.0)
 
 
-def onto_plane(nominal: NominalFlight, passing: Boundary, number: int, state: Array) -> tuple[Array, Array]:
+def onto_plane(nominal: NominalFlight, boundary: Boundary, number: int, state: Array) -> tuple[Array, Array]:
     """Return what carries errors at the clock of a passage along the flow to its plane, and the time that takes.
 
     Where no gate stands a passage is measured at its clock.
 
     Args:
         nominal: the optimum.
-        passing: the conditions of the passage.
+        boundary: the conditions of the passage.
         number: of the passage.
         state: of the optimum there, shape (17, 1).
 
     Returns:
         The map of errors, shape (16, 16), and the time lost per error of position, s/m, shape (3,).
     """
-    clock = nominal.passings[number : number + 1]
+    clock = nominal.passing_times[number : number + 1]
     before, after = (nominal.at(clock + step) for step in (-TABLE_STEP, TABLE_STEP))
     flow = (errors(after, state) - errors(before, state))[:, 0] / (2.0 * TABLE_STEP if number else TABLE_STEP)
     away = np.array(
         rotation([float(component) for component in state[4:8, 0]])
     )  # north, east, down per error of position
-    axis = axis_of(passing, state)
+    axis = axis_of(boundary, state)
     across = away[0] * axis[0] + away[1] * axis[1]  # along the axis per error of position
-    sooner = across / (across @ flow[:3]) if "along" in passing.bounds else np.zeros(3)
+    sooner = across / (across @ flow[:3]) if "along" in boundary.bounds else np.zeros(3)
     onto = np.eye(len(flow))
     onto[:, :3] -= np.outer(flow, sooner)
     return onto, sooner
@@ -265,7 +265,7 @@ def onto_plane(nominal: NominalFlight, passing: Boundary, number: int, state: Ar
 
 def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: int) -> tuple[Array, Array, Array]:
     """Return states, load factors and lateness (s) at a passage; NaN where a flight does not cross its plane."""
-    passing, when = judge.passings[number], float(nominal.passings[number])
+    boundary, when = judge.boundaries[number], float(nominal.passing_times[number])
     samples, count = flights.clock.shape
     flight = np.arange(count, dtype=np.int64)
     near = np.argmin(np.abs(flights.clock - when), axis=0)
@@ -273,8 +273,8 @@ def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: in
     if number == 0:
         before, share, crosses = np.zeros(count, np.int64), np.zeros(count), np.ones(count, bool)
     else:
-        if "along" in passing.bounds:
-            values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
+        if "along" in boundary.bounds:
+            values = dict(zip(CrossingParameters.names(), boundary.values, strict=False))
             along = values["axis_north"] * (flights.state[rows, 0, flight] - values["centre_north"])
             along = along + values["axis_east"] * (flights.state[rows, 1, flight] - values["centre_east"])
         else:
@@ -301,17 +301,17 @@ def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: in
     return state, load, np.where(crosses, late, np.nan)
 
 
-def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches: Mapping[str, Booleans]) -> None:
+def _judge(judge: Judge, boundary: Boundary, number: int, state: Array, breaches: Mapping[str, Booleans]) -> None:
     """Note what a passage breaks; manoeuvres are attitudes that no flight meets exactly, and are not judged."""
-    assert passing.observation is not None  # it is the boundary of a passage
+    assert boundary.observation is not None  # it is the boundary of a passage
     element = judge.course.passages[number].element
     if not element.stands:
         return
-    outputs = at_points(passing.observation.values, state, np.array(passing.values))
-    values = dict(zip((quantity.name for quantity in passing.observation.quantities), outputs, strict=True))
+    outputs = at_points(boundary.observation.values, state, np.array(boundary.values))
+    values = dict(zip((quantity.name for quantity in boundary.observation.quantities), outputs, strict=True))
     values["V_K"] = state[STATE["V_K"]]
     half = 0.5 * getattr(element, "width", np.inf)
-    bounds = {"right": Interval(-half, half), **passing.bounds}
+    bounds = {"right": Interval(-half, half), **boundary.bounds}
     for name, allowed in bounds.items():
         if name == "along" or name not in values:
             continue
@@ -362,7 +362,7 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
     height = -flights.state[:, STATE["z"]]
     places = np.stack([flights.state[:, 0], flights.state[:, 1]], axis=-1)
     # the leg that ends in the passage of this number
-    legs = np.searchsorted(loop.nominal.passings, flights.clock, side="right")
+    legs = np.searchsorted(loop.nominal.passing_times, flights.clock, side="right")
     floor, ceiling = course.rules.height.lower, course.rules.height.upper
     breaches = {
         "load factor": (flights.load > judge.load.upper + LOAD_ALLOWED)
@@ -386,7 +386,7 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
 
 def grid_of(nominal: NominalFlight) -> Array:
     """Return the clock at which deviations are recorded, s; shape (m,)."""
-    return np.arange(0.0, nominal.passings[-1], GRID)
+    return np.arange(0.0, nominal.passing_times[-1], GRID)
 
 
 def _deviations(loop: ClosedLoop, flights: Flights) -> Array:

@@ -17,7 +17,7 @@ from airrace.files.checkpoint import (
     write_checkpoint,
 )
 from airrace.files.inputs import Inputs, inputs_from_documents
-from airrace.flights.results import Confirmation, Flight
+from airrace.flights.results import Flight, Verification
 from airrace.flights.results.comparison import Comparison, compare_flights
 from airrace.pages.views.plain_text import one_line
 from airrace.procedure import stored_stages
@@ -48,13 +48,13 @@ class RunState:
         inputs: course, aircraft, air and settings, with the documents that they come from.
         checkpoint: what a file holds of the run.
         path: its file, which is renewed after every stage; None for a run that is held in memory alone.
-        confirmations: of the stages that are shown, the outcome of measuring them again.
+        verifications: of the stages that are shown, the outcome of measuring them again.
     """
 
     inputs: Inputs
     checkpoint: Checkpoint
     path: Path | None = None
-    confirmations: Mapping[Stage, Confirmation] = field(default_factory=dict[Stage, Confirmation])
+    verifications: Mapping[Stage, Verification] = field(default_factory=dict[Stage, Verification])
 
     @property
     def name(self) -> str:
@@ -98,9 +98,9 @@ class RunState:
         return attempts_of(self.checkpoint, self.inputs.reserve)
 
     def _view(self, result: StageResult, stale: str, attempts: int) -> StageView:
-        confirmation = self.confirmations.get(result.stage)
-        reported = downgrade_stale(result, stale, "" if confirmation is None else confirmation.refutation)
-        return StageView(self.inputs, reported, self.checkpoint.versions, stale, confirmation, attempts)
+        verification = self.verifications.get(result.stage)
+        reported = downgrade_stale(result, stale, "" if verification is None else verification.refutation)
+        return StageView(self.inputs, reported, self.checkpoint.versions, stale, verification, attempts)
 
     def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.

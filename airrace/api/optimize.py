@@ -11,11 +11,11 @@ from airrace.procedure.settings import SearchEffort
 
 if TYPE_CHECKING:
     from airrace.api.run import Run, Watch
-    from airrace.flights.results import Confirmation, ReserveState
+    from airrace.flights.results import ReserveState, Verification
     from airrace.procedure.result import Progress
-    from airrace.runs.run import RunState
+    from airrace.runs.run_state import RunState
     from airrace.runs.stage_data import Sensitivities
-    from airrace.runs.verification import Verification
+    from airrace.runs.verification import StageVerification
 
 RunGiven = Union[str, Path, "RunState"]
 """A run, or its file."""
@@ -78,8 +78,8 @@ def optimize(
     if not dry_run:  # the solver loads while this process does
         start_early(1 if search in (SearchEffort.OFF, "off") else min(2, threads))  # the other is for what is tried
     from airrace.api.run import fly
+    from airrace.runs.execution_plan import chosen_texts, plan_new_run, read_inputs, value_texts
     from airrace.runs.output import ensure_free, ensure_run_file
-    from airrace.runs.plan import chosen_texts, plan_new_run, read_inputs, value_texts
 
     path = None if output is None else ensure_run_file(output)
     if path is not None:
@@ -154,8 +154,7 @@ def resume(
         start_early()
     from airrace.api.run import fly
     from airrace.errors import UsageError
-    from airrace.runs.output import ensure_free, ensure_run_file
-    from airrace.runs.plan import (
+    from airrace.runs.execution_plan import (
         Changes,
         aircraft_of,
         chosen_texts,
@@ -165,7 +164,8 @@ def resume(
         plan_resumed_run,
         value_texts,
     )
-    from airrace.runs.run import RunState, open_run
+    from airrace.runs.output import ensure_free, ensure_run_file
+    from airrace.runs.run_state import RunState, open_run
 
     changes = Changes(
         document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
@@ -198,26 +198,26 @@ def open(path: str | Path) -> "Run":
         InputError: this version of airrace no longer accepts what the run was given.
     """
     from airrace.api.run import Run
-    from airrace.runs.run import open_run
+    from airrace.runs.run_state import open_run
 
     return Run.of(open_run(Path(path)))
 
 
 @dataclass(frozen=True)
-class Verified:
+class FileVerification:
     """What was measured again of a file.
 
     Attributes:
         track: the name of the course.
         stages: the verification of each stage of a run.
         reserve: the reserve that the run keeps; None without.
-        log: of a flight log, what it is called and whether it was confirmed; None for a run.
+        log: of a flight log, what it is called and its verification; None for a run.
     """
 
     track: str
-    stages: "tuple[Verification, ...]" = ()
+    stages: "tuple[StageVerification, ...]" = ()
     reserve: "ReserveState | None" = None
-    log: "tuple[str, Confirmation] | None" = None
+    log: "tuple[str, Verification] | None" = None
 
 
 def verify(
@@ -227,7 +227,7 @@ def verify(
         bool,
         Option("Also verify a run that other versions of airrace and its libraries have made, and leave open which."),
     ] = False,
-) -> Verified:
+) -> FileVerification:
     """Verify all that a run tells.
 
     Every stage is measured again from its histories and multipliers alone, and what is stored is compared with that. A
@@ -240,18 +240,18 @@ def verify(
     """
     from airrace.files.checkpoint import LogCheckpoint, read_stored
     from airrace.runs.log_view import open_log
-    from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
-    from airrace.runs.verification import confirm_log, verify_run
+    from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
+    from airrace.runs.verification import verify_log, verify_run
 
     if not isinstance(run, RunState):
         checkpoint = read_stored(Path(run))
         if isinstance(checkpoint, LogCheckpoint):
             log = open_log(checkpoint)
-            confirmation = confirm_log(log, versions=not other_versions)
-            return Verified(log.inputs.race.course.name, log=(checkpoint.label, confirmation))
+            verification = verify_log(log, versions=not other_versions)
+            return FileVerification(log.inputs.race.course.name, log=(checkpoint.label, verification))
         run = ensure_readable(run_of_checkpoint(checkpoint, Path(run)))
     stages = verify_run(run, versions=not other_versions)
-    return Verified(run.name, stages, run.stages[-1].stamp.reserve if run.results else None)
+    return FileVerification(run.name, stages, run.stages[-1].stamp.reserve if run.results else None)
 
 
 def sensitivity(
@@ -269,7 +269,7 @@ def sensitivity(
         NotCertified: the stage is no certified optimum.
         UsageError: there is no such stage.
     """
-    from airrace.runs.run import RunState, open_run
+    from airrace.runs.run_state import RunState, open_run
 
     run = run if isinstance(run, RunState) else open_run(Path(run))
     return run.stage(stage).sensitivities(by.value if isinstance(by, ParameterGroup) else by)

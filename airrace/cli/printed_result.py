@@ -38,8 +38,8 @@ PAGE = 80
 
 
 @dataclass
-class Answer(CommandResult):
-    """The answer of a command on the command line.
+class PrintedResult(CommandResult):
+    """The result of a command on the command line.
 
     Attributes:
         as_json: whether its object is printed instead of its texts.
@@ -72,7 +72,7 @@ class Answer(CommandResult):
             ]
 
     def add_files(self, *paths: Path | None, remark: str = "", **fields: object) -> None:
-        """Fill in the answer of a command that has written files; one that was written to stdout is left out.
+        """Fill in the result of a command that has written files; one that was written to stdout is left out.
 
         Args:
             paths: the files; None where none was asked for.
@@ -85,8 +85,10 @@ class Answer(CommandResult):
 
 
 @contextmanager
-def answering(*, as_json: bool, quiet: bool = False, verbose: bool = False) -> Generator[Answer, None, None]:
-    """Run a command's body; turn whatever it raises into its answer, print it, and leave with its exit code.
+def printed_result(
+    *, as_json: bool, quiet: bool = False, verbose: bool = False
+) -> Generator[PrintedResult, None, None]:
+    """Run a command's body; turn whatever it raises into its result, print it, and leave with its exit code.
 
     Args:
         as_json: print the object on stdout.
@@ -96,19 +98,19 @@ def answering(*, as_json: bool, quiet: bool = False, verbose: bool = False) -> G
     Raises:
         typer.Exit: with the code, unless it is 0.
     """
-    answer = Answer(as_json=as_json, quiet=quiet)
+    command_result = PrintedResult(as_json=as_json, quiet=quiet)
     log = _Log()
     logging.getLogger().addHandler(log)
     logging.getLogger("airrace").setLevel(logging.INFO if verbose else logging.NOTSET)
     try:
-        yield answer
+        yield command_result
     except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
-        record_failure(answer, error)
+        record_failure(command_result, error)
     finally:
         logging.getLogger().removeHandler(log)
-    _say(answer, as_json=as_json)
-    if answer.code is not ExitCode.DONE:
-        raise typer.Exit(int(answer.code))
+    _print_result(command_result, as_json=as_json)
+    if command_result.code is not ExitCode.DONE:
+        raise typer.Exit(int(command_result.code))
 
 
 class _Log(logging.Handler):
@@ -118,15 +120,15 @@ class _Log(logging.Handler):
         print(f"airrace: {record.levelname.lower()}: {record.getMessage()}", file=sys.stderr)
 
 
-def _say(answer: CommandResult, *, as_json: bool) -> None:
-    """Print the answer: the object or the texts on stdout.
+def _print_result(command_result: CommandResult, *, as_json: bool) -> None:
+    """Print the result: the object or the texts on stdout.
 
     Findings and errors go to stderr either way, where a script logs them.
     """
-    if answer.error:
-        answer.fields["error"] = answer.error
-        answer.fields["findings"] = [asdict(finding) for finding in answer.findings]
-    texts = [json_line(answer.fields)] if as_json else answer.texts
+    if command_result.error:
+        command_result.fields["error"] = command_result.error
+        command_result.fields["findings"] = [asdict(finding) for finding in command_result.findings]
+    texts = [json_line(command_result.fields)] if as_json else command_result.texts
     try:
         if texts:
             print("\n\n".join(keep_colours(text).removesuffix("\n") for text in texts))
@@ -134,16 +136,16 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
     except BrokenPipeError:  # the reader has seen enough
         abandon_stdout()
     except OSError as error:
-        answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
+        command_result.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
         abandon_stdout()
-    if answer.code is ExitCode.INTERRUPTED:
+    if command_result.code is ExitCode.INTERRUPTED:
         interrupts.acknowledge()  # who listens to signals in another way, as a batch does, has set that up by now
-    for finding in answer.findings[:FINDINGS_SHOWN]:
+    for finding in command_result.findings[:FINDINGS_SHOWN]:
         print(one_line(str(finding)), file=sys.stderr)
-    if len(answer.findings) > FINDINGS_SHOWN:
+    if len(command_result.findings) > FINDINGS_SHOWN:
         print(f"... (the first {FINDINGS_SHOWN} are shown; --json has more)", file=sys.stderr)
-    if answer.error:
-        print(_for_stderr(f"airrace: {answer.error}"), file=sys.stderr)
+    if command_result.error:
+        print(_for_stderr(f"airrace: {command_result.error}"), file=sys.stderr)
 
 
 def _for_stderr(message: str) -> str:

@@ -29,7 +29,7 @@ from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.runs.output import documents_of, ensure_free
 from airrace.runs.reserve_attempts import PlannedReserve, asked_text
-from airrace.runs.run import RunState, compare_stages, new_run, run_of_checkpoint
+from airrace.runs.run_state import RunState, compare_stages, new_run, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import library_versions, stored_documents
 

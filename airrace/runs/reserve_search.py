@@ -21,9 +21,9 @@ from airrace.flights.sensitivity.lagrangian import sensitivities
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
-from airrace.runs.plan import Changes
+from airrace.runs.execution_plan import Changes
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX, asked_text
-from airrace.runs.run import RunState
+from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
 
 FlyAgain = Callable[[RunState, Sequence[str]], RunState]
@@ -87,7 +87,7 @@ class ReserveCase:
 
     Attributes:
         run: the flight with its margins.
-        wanted: what was asked for.
+        request: what was asked for.
         optimum: race time without margins, s.
         margins: of the flight, the costliest first.
         predicted: probability of no breach but of the load factor, at least, by the linear covariance.
@@ -97,7 +97,7 @@ class ReserveCase:
     """
 
     run: RunState
-    wanted: ReserveEntry
+    request: ReserveEntry
     optimum: float
     margins: tuple[KeptMargin, ...]
     predicted: float
@@ -111,7 +111,7 @@ class ReserveCase:
         found = FoundEntry(
             measured=round(measured.share, 4), lower=round(measured.lower, 4), flights=measured.of, reached=self.reached
         )
-        texts = self.wanted.model_copy(update={"found": found}).texts()
+        texts = self.request.model_copy(update={"found": found}).texts()
         return replace(self, run=self.run.with_inputs(Changes(overrides=texts).inputs(self.run)))
 
     @property
@@ -127,7 +127,7 @@ class ReserveCase:
             return ""
         why = f"; {', '.join(self.binding)} hinder more" if self.binding else ""
         return (
-            f"a reserve of {self.wanted.probability:g} was not reached: the most is {self.measured.share:.3f} "
+            f"a reserve of {self.request.probability:g} was not reached: the most is {self.measured.share:.3f} "
             f"({self.measured.lower:.3f} to {self.measured.upper:.3f}){why}"
         )
 
@@ -137,17 +137,17 @@ class ReserveCase:
         rows = [[margin.key, margin.margin, margin.unit, margin.cost, 100.0 * margin.risk] for margin in self.margins]
         notes = [
             f"of {measured.of} closed-loop flights {measured.flights} break nothing but perhaps the load factor: "
-            f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
+            f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.request.probability:g}, "
             f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
             f"cost: by the sensitivities at both ends; {sum(margin.cost for margin in self.margins):.3f} s in all",
         ]
-        title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
+        title = f"reserve {self.request.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
         return Table(title, COLUMNS, rows, [*notes, *([self.message] if self.message else [])])
 
     def as_object(self) -> dict[str, object]:
         """Return plain values for scripts."""
         return {
-            "probability": self.wanted.probability,
+            "probability": self.request.probability,
             "reached": self.reached,
             "predicted": self.predicted,
             "measured": self.measured.share,
@@ -177,14 +177,14 @@ def reserve_named(run: RunState, texts: Sequence[str]) -> ReserveEntry:
     """
     if is_of_objects(run.inputs.track):
         raise UsageError("margins have keys in files alone: this course was built in Python")
-    wanted = Changes(overrides=["margins=null", "rules.reserve=null", *texts]).inputs(run).reserve
-    assert wanted is not None  # its texts say so
-    return wanted
+    request = Changes(overrides=["margins=null", "rules.reserve=null", *texts]).inputs(run).reserve
+    assert request is not None  # its texts say so
+    return request
 
 
 def fly_reserve(
     run: RunState,
-    wanted: ReserveEntry,
+    request: ReserveEntry,
     fly_again: FlyAgain,
     *,
     threads: int | None = None,
@@ -197,7 +197,7 @@ def fly_reserve(
 
     Args:
         run: certified up to six-dof.
-        wanted: the probability and the disturbances.
+        request: the probability and the disturbances.
         fly_again: flies a run with other margins.
         threads: None for one per processor.
         keep: keeps every attempt that is finished.
@@ -212,7 +212,7 @@ def fly_reserve(
         raise UsageError(f"a reserve takes a certified optimum of six-dof: {run.message or 'resume goes on to it'}")
     if run.inputs.margins:
         run = fly_again(run, UNSEARCHED)
-    return _Search(run, wanted, fly_again, threads, keep, tell).run()
+    return _Search(run, request, fly_again, threads, keep, tell).run()
 
 
 UNSEARCHED = ("rules.reserve=null", "margins=null")
@@ -245,22 +245,22 @@ class _Search:
     def __init__(
         self,
         run: RunState,
-        wanted: ReserveEntry,
+        request: ReserveEntry,
         fly_again: FlyAgain,
         threads: int | None,
         keep: Keep,
         tell: Callable[[str], None],
     ) -> None:
-        self.optimum, self.wanted, self.fly_again, self.keep, self.tell = run, wanted, fly_again, keep, tell
-        self.asked = asked_text(wanted)
-        self.options: dict[str, Any] = {**wanted.model_dump(exclude=set(REQUEST)), "threads": threads}
-        errors = (wanted.mass_error_percent, wanted.power_error_percent, wanted.density_error_percent)
-        self.scatter = scatter_of(wanted.gusts, (wanted.wind_error_kt, *errors, wanted.roll_timing_s))
-        self.pilot = PilotModel(delay=wanted.delay_s)
+        self.optimum, self.request, self.fly_again, self.keep, self.tell = run, request, fly_again, keep, tell
+        self.asked = asked_text(request)
+        self.options: dict[str, Any] = {**request.model_dump(exclude=set(REQUEST)), "threads": threads}
+        errors = (request.mass_error_percent, request.power_error_percent, request.density_error_percent)
+        self.scatter = scatter_of(request.gusts, (request.wind_error_kt, *errors, request.roll_timing_s))
+        self.pilot = PilotModel(delay=request.delay_s)
         self.prices = _prices(run)
-        self.risks = {"": 1.0 - wanted.probability}  # of all but the load factor, and of that
-        if wanted.load_factor:
-            self.risks[LOAD] = 1.0 - wanted.load_factor
+        self.risks = {"": 1.0 - request.probability}  # of all but the load factor, and of that
+        if request.load_factor:
+            self.risks[LOAD] = 1.0 - request.load_factor
         self.lift = 0.0  # the share of the full margin of the lift coefficient
         self.found: list[_Measured] = []
 
@@ -315,7 +315,7 @@ class _Search:
         return done
 
     def _name(self, number: int) -> str:
-        return f"reserve {self.wanted.probability:g}, attempt {number + 1} of {ATTEMPTS_MAX}"
+        return f"reserve {self.request.probability:g}, attempt {number + 1} of {ATTEMPTS_MAX}"
 
     def _record(self, closed_loop: _Measured | None, *, done: bool) -> ReserveAttempt:
         counts = (0, 0, 0)
@@ -403,7 +403,7 @@ class _Search:
         ]
         return ReserveCase(
             run=best.run,
-            wanted=self.wanted,
+            request=self.request,
             optimum=self.optimum.race_time,
             margins=tuple(sorted(margins, key=lambda margin: -margin.cost)),
             predicted=_predicted(pairs),
@@ -418,9 +418,9 @@ class _Search:
         return [(float(limit.risk_now), limit) for limit in limits if limit.kind not in excluded]
 
     def _counts(self, outside: Count, over_load: Count) -> Iterator[tuple[Count, float]]:
-        yield outside, 1.0 - self.wanted.probability
-        if self.wanted.load_factor:
-            yield over_load, 1.0 - self.wanted.load_factor
+        yield outside, 1.0 - self.request.probability
+        if self.request.load_factor:
+            yield over_load, 1.0 - self.request.load_factor
 
     def _is_done(self, latest: _Measured, limits: Sequence[Limit], *, enough: bool) -> bool:
         """Return whether as many flights break limits as intended; else keep off the stall, or scale the risks.
