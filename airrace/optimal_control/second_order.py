@@ -23,19 +23,17 @@ Where controls move a limited quantity through several lags, to keep it node by 
 can still do costs the more the longer it lasts. So directions of x that cost very much are handed on as rows, too.
 """
 
-import ctypes
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly, StageMatrices
+from airrace.optimal_control.assembly import Assembly, StageMatrices
 from airrace.optimal_control.certificate import SADDLE, Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.native.library import library
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.trajectory import Array, Indices
@@ -233,9 +231,7 @@ class StageQuadratic:
 
 def direction_below(form: StageQuadratic, shift: float) -> Array | None:
     """Return a direction of no more curvature than that, shape (n_w,); None where every one has more."""
-    native, rows = library(), int(form.row_counts.max()) + 2 * form.states
-    fits = int(form.sizes.max()) <= MOST_UNKNOWNS and rows <= 2 * MOST_UNKNOWNS
-    end = _native_recursion(native.evaluator, form, shift) if native and fits else _recursion(form, shift)
+    end = _recursion(form, shift)
     if end is None:
         return None
     stage, z, gains = end
@@ -270,23 +266,6 @@ class _StartOfDirection(NamedTuple):
     gains: list[Array]
 
 
-def _native_recursion(
-    native: Any, form: StageQuadratic, shift: float
-) -> _StartOfDirection | None:  # Any: made by ctypes
-    m, sizes = form.states, form.sizes.astype(np.int64)
-    gains, costs, ahead = (np.empty(size) for size in (len(form.hessian), int(sizes.max()) ** 2, 2 * m * m))
-    matrices = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.active, form.weights)
-    inputs, count = [np.ascontiguousarray(matrix) for matrix in matrices], ctypes.c_int()
-    outputs = (gains.ctypes.data, costs.ctypes.data, ahead.ctypes.data, ctypes.byref(count))
-    stage: int = native.null_space_riccati(len(sizes), m, *(array.ctypes.data for array in inputs), shift, *outputs)
-    n, blocks = count.value, _blocks(gains, sizes**2)
-    behind = [block[: size * m].reshape(size, m) for block, size in zip(blocks, sizes, strict=True)]
-    if stage >= 0:
-        basis = blocks[stage][: int(sizes[stage]) * n].reshape(-1, n)
-        return _StartOfDirection(stage, basis @ _least_direction(costs[: n * n].reshape(n, n)), behind[stage + 1 :])
-    return _first(costs[: m * m].reshape(m, m), ahead[: n * m].reshape(n, m), behind)
-
-
 def _first(costs: Array, bound: Array, gains: list[Array]) -> _StartOfDirection | None:
     """Return where a direction begins at the first stage, whose states cost that much; None where none does."""
     free = _null_space(bound)
@@ -297,7 +276,11 @@ def _first(costs: Array, bound: Array, gains: list[Array]) -> _StartOfDirection 
 
 
 def _recursion(form: StageQuadratic, shift: float) -> _StartOfDirection | None:
-    """Do what `null_space_riccati` of `riccati.c` does."""
+    """Go from the last stage to the first, with the curvature `shift` taken off everywhere.
+
+    Returns:
+        Where a direction of no more curvature than that begins; None where there is none.
+    """
     m, sizes = form.states, form.sizes.astype(np.int64)
     counts = form.row_counts.astype(np.int64)
     of_rows, of_unknowns = np.split(form.active, [len(form.active) - int(sizes.sum())])

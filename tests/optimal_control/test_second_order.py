@@ -15,7 +15,6 @@ from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.native.library import library
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.second_order import (
@@ -32,15 +31,6 @@ from airrace.optimal_control.solvers.solver import STEP_FROM_SADDLE, PreparedPro
 from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
-
-
-@pytest.fixture(params=["numpy", "native"])
-def recursion(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both implementations of the recursion, where there is a native library."""
-    if request.param == "numpy":
-        monkeypatch.setattr(second_order_module, "library", lambda: None)
-    elif library() is None:
-        pytest.skip("there is no native library")
 
 
 def form_of(
@@ -100,7 +90,6 @@ def curvatures(H: np.ndarray, active: np.ndarray, weights: np.ndarray) -> np.nda
     return scipy.linalg.eigh(Z.T @ H @ Z, Z.T @ (weights[:, None] * Z), eigvals_only=True)
 
 
-@pytest.mark.usefixtures("recursion")
 @pytest.mark.parametrize("seed", range(60))
 def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None:
     """With it planted at zero, the recursion finds all directions above a little less, and one below a little more."""
@@ -120,22 +109,6 @@ def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None
     assert np.abs(active @ direction).max() < 1e-9 * np.abs(direction).max()
 
 
-@pytest.mark.skipif(library() is None, reason="there is no native library")
-@pytest.mark.parametrize("seed", range(30))
-def test_both_implementations_find_the_same_direction(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Up to its sign: a direction begins in the least one of a stage, whatever basis its free controls have."""
-    random = np.random.default_rng(seed)
-    form = random_form(random, *random.integers([1, 1, 0], [30, 8, 5]))
-    native = direction_below(form, -0.5)
-    monkeypatch.setattr(second_order_module, "library", lambda: None)
-    numpy = direction_below(form, -0.5)
-    assert (native is None) == (numpy is None)
-    if native is not None and numpy is not None:
-        most = np.abs(numpy).argmax()
-        assert native / native[most] == pytest.approx(numpy / numpy[most], abs=1e-7)
-
-
-@pytest.mark.usefixtures("recursion")
 @pytest.mark.parametrize("seed", range(20))
 def test_negative_curvature_is_found_in_whichever_stage_it_hides(seed: int) -> None:
     """A definite form with a dent in a direction that all rows allow, of which no single stage knows."""
@@ -152,7 +125,6 @@ def test_negative_curvature_is_found_in_whichever_stage_it_hides(seed: int) -> N
     assert dented.curvature(direction) < 0.0
 
 
-@pytest.mark.usefixtures("recursion")
 def test_a_row_that_late_controls_cannot_keep_is_kept_by_earlier_ones() -> None:
     """Four integrators: of the first one's end all but the last four controls decide; what is left is free."""
     m, intervals = 4, 7
@@ -169,7 +141,6 @@ def test_a_row_that_late_controls_cannot_keep_is_kept_by_earlier_ones() -> None:
     assert direction_below(form, 1.001 * least) is not None
 
 
-@pytest.mark.usefixtures("recursion")
 @pytest.mark.parametrize("active", [5, 15, 30])
 def test_a_limit_behind_three_lags_that_is_kept_for_long_hides_nothing(active: int) -> None:
     """Keeping the last of three integrators at every node is unstable by 3.7 per node [Astrom 1984]; a lever beside it
@@ -304,7 +275,6 @@ def test_a_saddle_that_gains_next_to_nothing_is_none(
     assert verdict.curvature is Curvature.INDEFINITE
 
 
-@pytest.mark.usefixtures("recursion")
 def test_stages_that_gain_next_to_nothing_hide_no_saddle() -> None:
     """Ten stages whose controls each cost -1e-3 u^2, and a short one behind them of -5e-7 u^2 that is more curved."""
 

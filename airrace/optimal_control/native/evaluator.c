@@ -156,5 +156,4 @@ const struct evaluator VARIANT_NAME(evaluator) = {
     interior_factorise,
     interior_solve,
     interior_predictor_corrector,
-    null_space_riccati,
 };

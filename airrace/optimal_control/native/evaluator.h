@@ -53,11 +53,6 @@ struct evaluator {
     void (*interior_predictor_corrector)(
         const struct interior_program *program, const struct interior_corrections *corrections, const double *point,
         const double *residuals, double barrier_min, double *step, double *lengths);
-    /* see riccati.c */
-    int (*null_space_riccati)(
-        int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
-        const unsigned char *kept, const double *weights, double shift, double *gains, double *costs, double *ahead,
-        int *free);
 };
 
 /* The variant of a name, or the widest that this processor executes; null where it does not execute that variant. */

@@ -56,10 +56,6 @@ class _Evaluator(ctypes.Structure):
             "interior_predictor_corrector",
             ctypes.CFUNCTYPE(None, *[_POINTER] * 4, ctypes.c_double, *[_POINTER] * 2),
         ),
-        (
-            "null_space_riccati",
-            ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int] * 2, *[_POINTER] * 7, ctypes.c_double, *[_POINTER] * 4),
-        ),
     ]
 
 

@@ -8,7 +8,6 @@
 #define riccati_solve VARIANT_NAME(riccati_solve)
 #define riccati_rows VARIANT_NAME(riccati_rows)
 #define riccati_rows_transposed VARIANT_NAME(riccati_rows_transposed)
-#define null_space_riccati VARIANT_NAME(null_space_riccati)
 
 int riccati_factorise(
     int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
@@ -22,10 +21,5 @@ void riccati_rows(int stages, const int *sizes, const int *rows, const double *C
 
 void riccati_rows_transposed(
     int stages, const int *sizes, const int *rows, const double *C, const double *values, double *z);
-
-int null_space_riccati(
-    int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
-    const unsigned char *kept, const double *weights, double shift, double *gains, double *costs, double *ahead,
-    int *free);
 
 #endif
