@@ -210,7 +210,7 @@ def _solve_stages(
     done = dict(finished)
     first_solutions = None
     if Stage.HOMOTOPY in done:
-        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_routes(models, session))
+        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_race(models, session))
     for following in stages[:1]:
         models.preload(following, session.service, _pylon_conditions(done))
     for number, stage in enumerate(stages):
@@ -258,7 +258,7 @@ def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, sea
 
     With `searches` the point mass follows, which searches for routes.
     """
-    relaxed, budget = _relaxed_routes(models, session), BUDGETS.get(session.settings.search)
+    relaxed, budget = _relaxed_race(models, session), BUDGETS.get(session.settings.search)
     if budget is None or not searches:
         return FirstSolutions(_solve_homotopy(models, relaxed, session), relaxed)
     jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]]
@@ -282,7 +282,7 @@ def _solve_homotopy(models: StageModels, relaxed: RelaxedRace, session: SolverSe
     return solve_homotopy(models.problem(Stage.HOMOTOPY), session, infeasibility_around)
 
 
-def _relaxed_routes(models: StageModels, session: SolverSession) -> RelaxedRace:
+def _relaxed_race(models: StageModels, session: SolverSession) -> RelaxedRace:
     return RelaxedRace(models.race, models.problem(Stage.POINT_MASS), session.settings.mesh)
 
 
@@ -304,7 +304,7 @@ def solve_point_mass(
         strategy: how closely it is solved.
         first_solutions: the homotopy; None where the plan is the guess.
     """
-    relaxed = _relaxed_routes(models, session) if first_solutions is None else first_solutions.relaxed
+    relaxed = _relaxed_race(models, session) if first_solutions is None else first_solutions.relaxed
     result = _search_and_solve(models, session, strategy, first_solutions, relaxed)
     return diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
 
