@@ -44,7 +44,7 @@ def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageRes
 
 def _uncompared_task(start: Start, solver: str, loose_tolerance: float) -> MeshTask:
     return MeshTask(
-        start.flight,
+        start.stage_problem,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
         (solver,),
@@ -75,14 +75,14 @@ def next_until_good(solved: SolvedMesh) -> MeshTask | None:
         return None
     # Where the mesh was good already, it is solved on closely.
     proposal = good or replace(task.proposal, guess=optimum.iterate)
-    flight, proposal = solved.place_clearance_constraints(proposal)
+    stage_problem, proposal = solved.place_clearance_constraints(proposal)
     return replace(
         task,
-        flight=flight,
+        stage_problem=stage_problem,
         proposal=proposal,
         barrier=InitialBarrier.COARSER_MESH if better and not solved.violates_clearance() else solved.barrier,
         solvers=session.solvers,
-        multipliers=solved.carry(proposal, flight),
+        multipliers=solved.carry(proposal, stage_problem),
         number=task.number + (not same_mesh),
         clearance_rounds=task.clearance_rounds + same_mesh,
         nodes_beside_passings=solved.nodes_beside_passings,
@@ -101,7 +101,7 @@ def _good_mesh(solved: SolvedMesh) -> MeshProposal | None:
     optimum, limits = solved.optimum, solved.session.settings.certificate
     if not optimum.proposal.coarser.all():
         return refine_flagged(optimum, limits)
-    if not math.isinf(solved.flight.longest_interval):
+    if not math.isinf(solved.stage_problem.longest_interval):
         return refine_predicted(optimum, limits)
     proposal = refine_flagged(optimum, limits)
     if proposal is None:
