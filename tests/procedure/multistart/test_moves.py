@@ -405,7 +405,8 @@ def level_turn() -> CoarseSolution:
     """The planned, level flight of the wound race, unsolved."""
     found = planned_coarse_solution(SLALOM)
     stage_problem = prepared(SLALOM)
-    return dataclasses.replace(found, stage_problem=stage_problem, iterate=guess(stage_problem.plan, found.problem.mesh))
+    iterate = guess(stage_problem.plan, found.problem.mesh)
+    return dataclasses.replace(found, stage_problem=stage_problem, iterate=iterate)
 
 
 def test_tilted_turn_keeps_its_ends_durations_and_mesh_and_leads_the_higher_the_steeper_it_is() -> None:
