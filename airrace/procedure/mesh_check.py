@@ -9,6 +9,7 @@ from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.mesh_loop import (
     Failure,
+    MeshGoal,
     MeshTask,
     carry_multipliers,
     next_until_certified,
@@ -61,7 +62,7 @@ def solve_on_second_mesh(
             session.solvers,
             carry_multipliers(multipliers, problem, coarse_problem),
             number=-1,
-            reference_only=True,
+            goal=MeshGoal.REFERENCE,
             purpose="the coarser mesh",
         )
         coarse = solve_on_mesh(session, start, reference)

@@ -11,6 +11,7 @@ stage can start from a rough optimum.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property, partial
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
@@ -37,6 +38,7 @@ from airrace.procedure.mesh_proposals import (
     FAR_VIOLATION,
     GROWTH_FROM,
     GROWTH_MAX,
+    ROUGH_TOLERANCE,
     MeshProposal,
     MeshSolution,
     adapt,
@@ -117,6 +119,19 @@ def solve_from_starts(
     return _failure_result(session, failures, diagnose)
 
 
+class MeshGoal(Enum):
+    """What the optimum on a mesh is for, and so how closely it is solved and what its certificate claims.
+
+    `CERTIFIED`: its race time is compared with that on a coarser mesh. `REFERENCE`: it is that coarser one, never
+    certified itself. `SINGLE`: all is measured but that comparison. `ROUGH`: the next stage or mesh starts from it.
+    """
+
+    CERTIFIED = "certified"
+    REFERENCE = "reference"
+    SINGLE = "single"
+    ROUGH = "rough"
+
+
 @dataclass(frozen=True)
 class MeshTask:
     """The mesh to be solved on next, and how.
@@ -130,9 +145,7 @@ class MeshTask:
         number: how many meshes were solved on before; -1 for a mesh that is only compared with.
         before: the optimum that led here; None for a first mesh.
         coarser: the optimum whose race time its own will be compared with; None as long as there is none.
-        compares: whether the certificate asks for that comparison.
-        loose_tolerance: of the solver, for an optimum that is never certified; 0 for that of the settings.
-        reference_only: whether the optimum is only compared with, and need not be solved closer.
+        goal: what its optimum is for.
         purpose: what is solved for, a clause; by default a refinement of all phases.
         clearance_rounds: how many solves for violated clearances were made on a mesh that was good already.
         nodes_beside_passings: whether moments abeam shortly before or after a passing have nodes of their own.
@@ -148,9 +161,7 @@ class MeshTask:
     number: int = 0
     before: MeshSolution | None = None
     coarser: MeshSolution | None = None
-    compares: bool = True
-    loose_tolerance: float = 0.0
-    reference_only: bool = False
+    goal: MeshGoal = MeshGoal.CERTIFIED
     purpose: str = ""
     clearance_rounds: int = 0
     nodes_beside_passings: bool = False
@@ -210,8 +221,9 @@ class SolvedMesh:
     def violates_clearance(self, share: float = 1.0) -> bool:
         """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may mend it.
 
-        An excess that the last solve has not removed stays: it is that of a wing which passes a top aslant. Likewise
-        where the Hamiltonian drifts at a condition beside its moment abeam, which no finer mesh mends.
+        An excess that the last solve has not removed stays: it is that of a wing which passes a top aslant. Where the
+        Hamiltonian drifts at a condition beside its moment abeam, that moment gets a node of its own, for no finer
+        mesh mends it.
 
         Args:
             share: of the certificate's limit that is allowed.
@@ -248,7 +260,7 @@ class SolvedMesh:
         """
         optimum, coarser, limits = self.optimum, self.task.coarser, self.session.settings.certificate
         if coarser is None:
-            return math.nan if self.task.compares else None
+            return None if self.task.goal is MeshGoal.SINGLE else math.nan
         if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
             return coarser.race_time
         mesh, nodes = optimum.proposal.mesh, optimum.proposal.coarser
@@ -256,10 +268,10 @@ class SolvedMesh:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """The certificate of the optimum."""
+        """The certificate of the optimum; where it is the first to ask, the coarser optimum is solved for."""
         optimum, solution = self.optimum, self.solution
         claim, status = Item("solver", 0.0, 0.0, "", solution.status), f"{solution.solver}: {solution.status}"
-        if self.task.loose_tolerance:
+        if self.task.goal is MeshGoal.ROUGH:
             return certify_rough(
                 optimum.problem,
                 optimum.iterate,
@@ -351,8 +363,8 @@ def solve_on_mesh(
         barrier=task.barrier,
         solvers=task.solvers,
         iterations_max=iterations_max,
-        loose_tolerance=task.loose_tolerance,
-        reference_only=task.reference_only,
+        loose_tolerance=ROUGH_TOLERANCE if task.goal is MeshGoal.ROUGH else 0.0,
+        reference_only=task.goal is MeshGoal.REFERENCE,
         multipliers=task.multipliers,
     )
     if solution is None or not solution.success:
@@ -413,7 +425,7 @@ def task_to_certify(
 ) -> MeshTask:
     """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `MeshTask`."""
     # Where there is nothing to compare with, another mesh follows in any case.
-    reference_only = coarser is None and number < session.settings.mesh.refinements_max
+    another_follows = coarser is None and number < session.settings.mesh.refinements_max
     return MeshTask(
         stage_problem,
         proposal,
@@ -423,7 +435,7 @@ def task_to_certify(
         number=number,
         before=before,
         coarser=coarser,
-        reference_only=reference_only,
+        goal=MeshGoal.REFERENCE if another_follows else MeshGoal.CERTIFIED,
     )
 
 
@@ -502,7 +514,7 @@ def _both_meshes_again(solved: SolvedMesh) -> MeshTask:
         session.solvers,
         solved.carry(coarse, stage_problem),
         number=-1,
-        reference_only=True,
+        goal=MeshGoal.REFERENCE,
         purpose="the coarser mesh",
         violating=solved,
         then=again,

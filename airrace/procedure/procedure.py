@@ -211,8 +211,8 @@ def _solve_stages(
     first_solutions = None
     if Stage.HOMOTOPY in done:
         first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_race(models, session))
-    for following in stages[:1]:
-        models.preload(following, session.service, _pylon_conditions(done))
+    if stages:
+        models.preload(stages[0], session.service, _pylon_conditions(done))
     for number, stage in enumerate(stages):
         session.progress.stage_started(stage)
         if not remark:
@@ -401,7 +401,7 @@ def _first_starts(
     stage_problem, mesh = models.problem(Stage.POINT_MASS), session.settings.mesh
 
     def concatenate_phases() -> Start | StageResult:
-        if first_solutions is None:  # nor has the plan led anywhere
+        if first_solutions is None:  # nor has the plan led anywhere: the relaxed race is solved while there is time
             conflict_location(relaxed.solve(session))
         outcome = homotopy()
         pieces = outcome.result

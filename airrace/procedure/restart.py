@@ -33,6 +33,7 @@ from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.mesh_check import check_mesh
 from airrace.procedure.mesh_loop import (
     Failure,
+    MeshGoal,
     MeshStrategy,
     MeshTask,
     carry_multipliers,
@@ -306,7 +307,7 @@ def _from_optimum(models: StageModels, session: SolverSession, optimum: StageRes
         (primary,),
         start.multipliers,
         number=-1,
-        reference_only=True,
+        goal=MeshGoal.REFERENCE,
         purpose=f"from {start.provenance.source}",
     )
     coarse = solve_on_mesh(session, start, reference, ITERATIONS_MAX)
