@@ -105,7 +105,7 @@ def deviations_of(
     roll = _ErrorHistory(part, "phi", roll_rate, ROLL_ONSET) if is_measured(flight, "phi") else None
     load = _ErrorHistory(part, "n_z", LOAD_RATE, LOAD_ONSET) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
-    accuracy = part.accuracy
+    accuracy = part.accuracy or 0.0
     zero = math.hypot(bias, BAROMETER if part.barometric else 0.0, VERTICAL_RATIO * accuracy)
     straight = {
         crossing.time: max(abs(math.cos(crossing.value("chi") - axes[crossing.name])), COSINE_MIN)
