@@ -56,9 +56,11 @@ class LogView:
 
     @property
     def penalty(self) -> float:
-        """The penalties of all violations that are certain, s; infinity where one of them ends the race."""
+        """The penalties of all violations that are certain, s: infinity where one ends the race, else NaN where no rule
+        states the penalty of one.
+        """
         penalties = [violation.penalty for violation in self.violations if violation.certain]
-        return float(sum(penalty for penalty in penalties if not math.isnan(penalty)))
+        return math.inf if math.inf in penalties else float(sum(penalties))
 
     def flight(self, label: str | None = None) -> Flight:
         """Return the flight; see `airrace.flights.results`.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.flights.logs.clocks import spread_repeated, true_times
-from airrace.flights.logs.recording import Recording, count_of, refuse, repeats
+from airrace.flights.logs.clocks import repair_jumps, spread_repeated, true_times
+from airrace.flights.logs.recording import Recording, count_of, ground, refuse, repeats
 from airrace.model.track.course import Passage, metres
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
@@ -66,6 +66,8 @@ def in_order(recording: Recording) -> Recording:
     """
     forwards, remarks = true_times(recording.path, recording.time, recording.lines)
     recording = recording.select(forwards, *remarks)
+    time, remarks = repair_jumps(recording.time, ground(recording.columns), recording.lines)
+    recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     time, remarks = spread_repeated(recording.time)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
