@@ -79,6 +79,11 @@ class Window:
     deviation: float
 
     @property
+    def excess(self) -> float:
+        """By how many deviations the passing is beyond its limits where there are no errors."""
+        return max(self.lower, -self.upper, 0.0) / max(self.deviation, DEVIATION_MIN)
+
+    @property
     def is_height(self) -> bool:
         """Whether it is one of heights, else one over ground."""
         return self.direction[2] != 0.0

@@ -62,6 +62,7 @@ class LogFlight:
         offset: the time of the log at which the flight's clock starts, s.
         remarks: for the reader, as sentences.
         noise: standard deviation of the positions that was given, m; None where it was estimated.
+        assumption: the accuracy that judgements assume, in words.
     """
 
     flight: Flight
@@ -71,6 +72,7 @@ class LogFlight:
     offset: float
     remarks: tuple[str, ...]
     noise: float | None
+    assumption: str
 
 
 def flight_from_log(
@@ -118,9 +120,8 @@ def flight_of_part(
         refuse(part.path, 0, "has no heights on the course")
     path = smooth(placed.time, places, noise, least)
     part = plausible(part, path, race)
-    common = CommonErrors(
-        part.time, receiver_accuracy(part), stated=part.accuracy is not None, barometric=part.barometric
-    )
+    accuracy = receiver_accuracy(part)
+    common = CommonErrors(part.time, accuracy, stated=part.accuracy is not None, barometric=part.barometric)
     for further in range(REGISTRATIONS, -1, -1):
         moved = replace(path, position=path.position - common.registration[:, None])
         run = _find_run(race, part, moved)
@@ -135,9 +136,10 @@ def flight_of_part(
         common = common.with_windows((), common.offset)
     errors = FlightErrors(own, known(common=common), common, run.begin)
     accuracies = {crossing.name: errors.at(crossing.time) for crossing in flight.crossings if crossing.found}
-    remarks = (*part.remarks, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
+    losses = [loss] if (loss := accuracy.loss(part.time - run.begin)) else []
+    remarks = (*part.remarks, *losses, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
     broken = violations(flight, axes, errors, penalties)
-    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise)
+    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise, accuracy.text)
 
 
 def _find_run(race: Race, part: Recording, path: Path) -> CourseRun:

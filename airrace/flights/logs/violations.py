@@ -249,7 +249,10 @@ def passing_windows(flight: Flight, axes: Mapping[str, float], own: DeviationsAt
             measured = _MeasuredPassing(flight, crossing, axes.get(crossing.name, 0.0))
             deviations = own(crossing.time)
             windows.append(measured.height_window(offset, deviations.up))
-            windows.append(measured.window(measured.tips or measured.centre, offset, deviations.tip))
+            beside = [measured.window(measured.centre, offset, deviations.across)]
+            if measured.tips:
+                beside.insert(0, measured.window(measured.tips, offset, deviations.tip))
+            windows.append(max(beside, key=lambda window: window.excess))  # a bank of the path is known badly
     return windows
 
 
