@@ -175,7 +175,7 @@ def deviations_of(
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
-        load_deviation = pull / g0 if load is None else load.deviation(offset + time, when)
+        load_deviation = pull / g0 if load is None else load.deviation(offset + time, 0.0)  # of a peak, whenever it is
         return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, load_deviation, when)
 
     return at

@@ -1,5 +1,6 @@
 """Errors that samples share are estimated from all passings together, and judged with what is left of them."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -78,7 +79,7 @@ def test_the_farther_a_passing_is_off_the_more_deviations_it_is() -> None:
     rows = [height(number, 0.0, 5.0) for number in range(10)]
     judged = [errors(rows).judge(height(4, error, 5.0)).deviations for error in np.arange(0.0, 40.0, 0.5)]
     assert judged[0] == 0.0
-    assert all(later >= earlier - 1e-2 for earlier, later in zip(judged, judged[1:], strict=False))
+    assert all(later >= earlier - 1e-2 for earlier, later in itertools.pairwise(judged))
     assert judged[-1] > CERTAIN_DEVIATIONS
 
 

@@ -58,14 +58,14 @@ def axes() -> dict[str, float]:
     return found
 
 
-def severity(flight: Flight) -> tuple[bool, float]:
-    """Whether anything is certain, and the penalties of what is."""
+def severity(flight: Flight) -> tuple[float, int]:
+    """The penalties of what is certain, and its number."""
     accuracy = ReceiverAccuracy(np.full(2, 0.1), np.full(2, 0.1), "")
     common = CommonErrors(np.array([0.0, 100.0]), accuracy)
     common = common.with_windows(passing_windows(flight, axes(), lambda _: DEVIATIONS, 0.0), np.zeros(3))
     errors = FlightErrors(lambda _: DEVIATIONS, lambda _: DEVIATIONS, common)
     certain = [violation for violation in violations(flight, axes(), errors, RULES) if violation.certain]
-    return bool(certain), sum(violation.penalty for violation in certain if not math.isnan(violation.penalty))
+    return sum(violation.penalty for violation in certain if not math.isnan(violation.penalty)), len(certain)
 
 
 def with_passing(name: str, change: Callable[[TimedCrossing], dict[str, float]]) -> Flight:
