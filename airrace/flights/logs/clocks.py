@@ -50,6 +50,8 @@ JUMP_NEIGHBOURS = 4
 """The number of steps before and after it whose velocity counts."""
 CUT_MIN = 0.05
 """The least step of times that are cut off, s."""
+UNEVEN_SHARE = 0.2
+"""The share of steps that are not the usual one from which on samples are not taken on the clock's own steps."""
 CUT_SCATTER = 0.1
 """The relative change of speed from sample to sample from which on times are cut off: 1 g along the path changes 90 m/s
 by 11 % within a second."""
@@ -285,16 +287,16 @@ def repair_jumps(time: Array, places: Array, lines: NDArray[np.int64]) -> tuple[
 def clock_deviation(time: Array, places: Array) -> float:
     """Return the standard deviation of times that are cut off, s; 0 where they fit the way of the aircraft.
 
-    Recorders that cut times to whole seconds but do not measure on them show it: the speed from sample to sample
-    scatters as no aircraft does, and less when the times may be anywhere within their steps.
+    Recorders that cut times to whole seconds but do not measure on them show it: steps are uneven, and the speed from
+    sample to sample scatters as no aircraft does.
 
     Args:
         time: s, rising, shape (n,).
         places: north and east, m, shape (2, n).
     """
-    step = resolution(time)
-    steps = np.diff(time)
-    if step < CUT_MIN or len(steps) < 2 * JUMP_NEIGHBOURS:
+    step, steps = resolution(time), np.diff(time)
+    uneven = np.mean(np.abs(steps - np.median(steps)) > 0.5 * step) if len(steps) else 0.0
+    if step < CUT_MIN or uneven < UNEVEN_SHARE:
         return 0.0
     speeds = np.hypot(*np.diff(places)) / steps
     scatter = float(np.median(np.abs(np.diff(speeds)))) / max(float(np.median(speeds)), RACE_SPEEDS[0])

@@ -38,9 +38,9 @@ DRIFT = 1.5
 """The standard deviation of what wanders where the log says nothing of its quality, m; heights by `VERTICAL_RATIO`."""
 DRIFT_TIME = 20.0
 """The time constant of what wanders, s."""
-BREACH_COST = 8.0
-"""What a breach costs, the negative logarithm of its probability (1 in 3000). Two passings of which one has to be a
-breach are four deviations apart, so that neither is certain; a third one decides."""
+BREACH_COST = 6.0
+"""What a breach costs, the negative logarithm of its probability (1 in 400). Where one passing or two others have to be
+breaches, these are 4.9 deviations, so that nothing is certain; a third one decides."""
 GATE_DISPLACEMENT = 10.0
 """The standard deviation of the place of a gate that does not stand where the file has it, m."""
 DISPLACEMENT_GAIN = 1.5 * BREACH_COST
@@ -322,7 +322,7 @@ class CommonErrors:
                     paid = np.where(hard, square, BREACH_COST * (1.0 - share))
                     total = 0.5 * float(force @ error) + float(paid.sum())
                     if total < best.cost:
-                        best = _Fit(total, force, share)
+                        best = _Fit(total, np.asarray(force, np.float64), share)
                     if abs(total - before) < SETTLED:
                         break
                     before = total

@@ -57,7 +57,7 @@ LAG_MAX = 0.5
 """The time by which the roll may be late, s."""
 LAG_STEP = 0.02
 """The steps in which that is looked for, s."""
-LAG_EVIDENCE = 0.05
+LAG_EVIDENCE = 0.02
 """The share by which roll and path differ more at lags that are not as likely as the best: with a metre of noise they
 differ by 1 % more at no lag, and by 5 % where the roll is late by 0.1 s."""
 REPORTED = (0.05, 3.0)
@@ -115,6 +115,7 @@ def roll_offsets(
     differences = np.minimum(np.abs(apart), BANK_DIFFERENCE).mean(axis=1)
     best = int(np.argmin(differences))
     likely = lags[differences <= (1.0 + LAG_EVIDENCE) * differences[best]]
+    likely = np.where(np.abs(likely) < 1.5 * LAG_STEP, 0.0, likely)  # one step is none
     late, tilt = float(lags[best]), float(np.median(apart[best]))
     remarks: list[str] = []
     if abs(late) > REPORTED[0] and np.abs(likely).min() > 0.0:
