@@ -122,3 +122,15 @@ def test_a_gate_that_both_laps_miss_by_the_same_vector_seems_to_stand_elsewhere(
     flown = imported(csv_text(Fixes(EXACT.time, *places, EXACT.height)), accuracy=0.02)
     assert any("g4 seems to stand" in remark for remark in flown.remarks)
     assert not [breach for breach in flown.violations if breach.certain and "g4" in breach.passing]
+
+
+@pytest.mark.parametrize("deviation", [0.02, 1.0, 3.0, 8.0])
+def test_a_receiver_that_states_its_accuracy_accuses_nobody(deviation: float) -> None:
+    """The study of many logs is `scripts/experiments/noisy_logs.py`."""
+    wandering = [drift(ratio * deviation, axis + 40, EXACT.time) for axis, ratio in enumerate((1.0, 1.0, 1.6))]
+    places = (EXACT.north, EXACT.east, EXACT.height)
+    text = csv_text(Fixes(EXACT.time, *(a + b for a, b in zip(places, wandering, strict=True))))
+    head, *rows = text.splitlines()
+    quality = f"{deviation},{1.6 * deviation}"
+    flown = imported("\n".join([f"{head},hAcc [m],vAcc [m]", *(f"{row},{quality}" for row in rows)]) + "\n")
+    assert [breach for breach in flown.violations if breach.certain] == []
