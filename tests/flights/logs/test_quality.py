@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from synthetic import Fixes, csv_text, fixes, gpx_text, igc_text, imported, on_globe
 
+import airrace
+from airrace.errors import UsageError
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.quality import PLAIN_RECEIVER, VERTICAL_RATIO, FixType, fix_type, receiver_accuracy
 from airrace.flights.logs.reading import read_log
@@ -124,3 +126,10 @@ def test_lost_satellites_of_a_fast_receiver_are_told_and_accuse_nobody() -> None
     flown = imported("\n".join(",".join(row) for row in rows) + "\n")
     assert [breach for breach in flown.violations if breach.certain] == []
     assert any("say 3 m instead of 0.02 m from" in remark for remark in flown.remarks)
+
+
+def test_an_accuracy_that_no_receiver_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(csv_text(SEEN))
+    with pytest.raises(UsageError, match="an accuracy of 0 m is out of range"):
+        airrace.import_log(path, "rovinj_2014", accuracy=0.0)
