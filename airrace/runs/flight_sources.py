@@ -303,9 +303,12 @@ def log_sections(view: LogView) -> list[str]:
 
     log = view.recorded.log
     facts = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
+    facts.append(("start", f"{log.offset:.3f} s after the first sample"))
+    if math.isfinite(view.race_time_deviation):
+        facts.append(("race time known to", f"{view.race_time_deviation:.2g} s"))
     return [
-        violations_section(view.violations, view.penalty),
-        recording_section([*facts, ("start", f"{log.offset:.3f} s after the first sample")], view.remarks),
+        violations_section(view.violations, view.assumption),
+        recording_section(facts, view.remarks),
         inputs_section(view.inputs, [], view.recorded.versions),
     ]
 

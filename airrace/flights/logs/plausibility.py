@@ -1,7 +1,7 @@
 """Recorded columns compared with the path: units that are not stated, and values that cannot be true."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from airrace.flights.logs.passings import HEIGHTS, CourseRun
 from airrace.flights.logs.recording import Recording
 from airrace.flights.logs.smoothing import Path
 from airrace.flights.logs.violations import beyond, height_window
-from airrace.flights.results import Flight, attitude
+from airrace.flights.results import attitude
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.trajectory import Array
@@ -47,20 +47,19 @@ FULL_TURN = 6.4
 """The angle in rad that no angle in degrees stays below in a race."""
 TOO_HIGH = 5.0
 """The height by which passings are too high for heights to be taken as feet, m."""
-ZERO_SHIFT = 0.2
-"""The height by which almost all passings are too high, or too low, for the zero of the heights to be doubted, m."""
 FEET_LEFT = 0.25
 """The share of the excess height that is left in feet, at most."""
-BIASED_SHARE = 0.7
-"""The share of passings that are too high, or too low, for a bias."""
 FEET_SCATTER = 1.5
 """The scatter of the heights at passings, in terms of the widest window, below which they are no feet."""
 WINDOWS_MIN = 3
-"""The number of passings with a window of heights that are needed for such a bias."""
+"""The number of passings with a window of heights that are needed for feet to be found out."""
 LAG_MAX = 0.5
 """The time by which the roll may be late, s."""
 LAG_STEP = 0.02
 """The steps in which that is looked for, s."""
+LAG_EVIDENCE = 0.02
+"""The share by which roll and path differ more at lags that are not as likely as the best: with a metre of noise they
+differ by 1 % more at no lag, and by 5 % where the roll is late by 0.1 s."""
 REPORTED = (0.05, 3.0)
 """The lag, s, and the offset of the roll, deg, from which on they are reported."""
 _SPEEDS = FIELDS["true_airspeed"].units
@@ -95,26 +94,6 @@ def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
     return replace(framed, columns=columns, remarks=(*framed.remarks, remark))
 
 
-def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
-    """Return how far all heights may be off together, m, and a remark, where almost all are too high, or too low.
-
-    Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
-    """
-    heights = np.array([crossing.value("height") for crossing in flight.crossings])
-    windows = [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings]
-    excess = _beyond(heights, windows)
-    if len(excess) < WINDOWS_MIN or abs(np.median(excess)) < ZERO_SHIFT:
-        return 0.0, ()
-    if np.mean(np.sign(excess) == np.sign(np.median(excess))) < BIASED_SHARE:
-        return 0.0, ()
-    bias = float(np.median(excess))
-    side = "high" if bias > 0.0 else "low"
-    remark = (
-        f"almost all passings are about {abs(bias):.2g} m too {side}: are heights in another unit, or of another zero?"
-    )
-    return abs(bias), (remark,)
-
-
 def roll_offsets(
     race: Race, part: Recording, path: Path, run: CourseRun
 ) -> tuple[tuple[float, float], tuple[str, ...]]:
@@ -133,10 +112,13 @@ def roll_offsets(
     lags = LAG_STEP * np.arange(-count, count + 1)
     at, roll = samples_of(part, "phi")
     apart = _around(np.interp(time[turning] + lags[:, None], at, roll) - mu[turning])
-    best = int(np.argmin(np.minimum(np.abs(apart), BANK_DIFFERENCE).mean(axis=1)))
+    differences = np.minimum(np.abs(apart), BANK_DIFFERENCE).mean(axis=1)
+    best = int(np.argmin(differences))
+    likely = lags[differences <= (1.0 + LAG_EVIDENCE) * differences[best]]
+    likely = np.where(np.abs(likely) < 1.5 * LAG_STEP, 0.0, likely)  # one step is none
     late, tilt = float(lags[best]), float(np.median(apart[best]))
     remarks: list[str] = []
-    if abs(late) > REPORTED[0]:
+    if abs(late) > REPORTED[0] and np.abs(likely).min() > 0.0:
         side = "late" if late > 0.0 else "early"
         remarks.append(
             f"the recorded roll comes {abs(late):.2f} s {side} against the positions: banks are less certain"
@@ -144,7 +126,7 @@ def roll_offsets(
     if abs(math.degrees(tilt)) > REPORTED[1]:
         degrees = f"{math.degrees(tilt):.1f} deg"
         remarks.append(f"the recorded roll is off the path's by {degrees}, so that banks are less certain")
-    return (math.hypot(late, LAG_STEP / math.sqrt(12.0)), abs(tilt)), tuple(remarks)
+    return (math.hypot(float(np.sqrt(np.mean(likely**2))), LAG_STEP / math.sqrt(12.0)), abs(tilt)), tuple(remarks)
 
 
 def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
