@@ -52,7 +52,7 @@ def brief(
     call: "partial[Brief]",
     *,
     units: flights.Units = "kt-m",
-    csv: Annotated[bool, Option("Print comma-separated values, one row per action.")] = False,
+    csv: Annotated[bool, Option("Print comma-separated values, one row per cue.")] = False,
 ) -> None:
     from airrace.errors import UsageError
     from airrace.pages.views.tables import units_named

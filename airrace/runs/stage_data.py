@@ -12,7 +12,8 @@ from airrace.flights.results.cues import Cue, cues_of
 from airrace.flights.sensitivity import Sensitivity
 from airrace.model.parameters import ParameterGroup
 from airrace.pages.report.sensitivity_tables import sensitivities_table
-from airrace.pages.views.stage_tables import NOTE, action_table, cue_table, cue_text, place_text, splits_table
+from airrace.pages.views.cue_tables import NOTE, cue_rows, cue_table, cue_text, place_text
+from airrace.pages.views.stage_tables import splits_table
 from airrace.pages.views.tables import RACE, Table, Units
 from airrace.procedure.result import GateSplit, StageResult
 from airrace.runs.json_objects import flight_object
@@ -62,7 +63,7 @@ class Brief(Sequence[Cue]):
 
     @property
     def lines(self) -> list[str]:
-        """One line per cue, e.g. `6.68 s, 52 m before c1: roll right 6° -> 88°, 0.4 s`."""
+        """One line per cue, e.g. `6.68 s, 52 m before c1: roll right R6 to R88 in 0.4 s; pull 5.1 g`."""
         return [f"{', '.join(filter(None, (f'{cue.time:.2f} s', place_text(cue))))}: {cue_text(cue)}" for cue in self]
 
     def table(self, units: Units = RACE, *, unicode: bool = True) -> Table:
@@ -71,16 +72,16 @@ class Brief(Sequence[Cue]):
         return cue_table(self.cues, title, units=units, notes=[self.flight.stamp.text, NOTE], unicode=unicode)
 
     def as_object(self) -> dict[str, object]:
-        """Return the object that `airrace brief --json` prints: one entry of `actions` per row of the CSV."""
-        return {**flight_object(self.flight), "actions": action_table(self.cues).objects()}
+        """Return the object that `airrace brief --json` prints: one entry of `cues` per row of the CSV."""
+        return {**flight_object(self.flight), "cues": cue_rows(self.cues).objects()}
 
     def to_dataframe(self) -> "DataFrame":
-        """Return the table that `airrace brief --csv` prints, one row per action, as a data frame of pandas.
+        """Return the table that `airrace brief --csv` prints, one row per cue, as a data frame of pandas.
 
         Raises:
             UsageError: pandas is not installed.
         """
-        return action_table(self.cues).dataframe("time_s")
+        return cue_rows(self.cues).dataframe("time_s")
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """Return the table that `airrace brief --csv` prints, as comma-separated values.
@@ -91,7 +92,7 @@ class Brief(Sequence[Cue]):
         Raises:
             StorageError: the system refused.
         """
-        text = action_table(self.cues).csv(".10g")
+        text = cue_rows(self.cues).csv(".10g")
         if path is not None:
             write_text(Path(path), text)
         return text

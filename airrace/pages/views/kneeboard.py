@@ -17,10 +17,10 @@ from airrace.flights.results.cues import Cue, cues_of
 from airrace.flights.results.flight_facts import leg_facts
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.course_figure import draw_map
+from airrace.pages.views.cue_tables import cue_text, place_text
 from airrace.pages.views.drawing import BLACK, BLUE, GREY, Axes, Box, Figure, new_figure, place_labels, without_formulas
 from airrace.pages.views.flight_figures import draw_coloured, race_time_text
 from airrace.pages.views.map_model import MapModel, map_model, round_length
-from airrace.pages.views.stage_tables import cue_text, place_text
 from airrace.pages.views.tables import RACE, Column, Table, Units
 
 PAGE_WIDTH, PAGE_HEIGHT = 5.83, 8.27  # inches: A5

@@ -70,8 +70,8 @@ def test_the_kneeboard_tells_cues_wind_and_the_units_that_are_asked_for() -> Non
     assert {"wind", "IAS kt", "hgt ft"} <= set(told)
     assert f"{flight.crossings[-1].value('height') / 0.3048:.0f}" in told
     cues = [text.get_text() for text in figure.texts]
-    assert any("roll " in line for line in cues)
-    assert any("pull to " in line for line in cues)
+    assert any("hold " in line for line in cues)
+    assert any("pull " in line for line in cues)
     assert any(" ft after " in line or " ft before " in line for line in cues)
 
 
