@@ -7,7 +7,7 @@ missing are a UsageError, what the system refuses to write is a StorageError.
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
@@ -29,6 +29,10 @@ FlightNames = Annotated[
 ]
 Units = Annotated[
     str, Option("Units for people: knots or km/h, metres or feet; never of --json, --csv.", choices=tuple(UNITS))
+]
+Lateness = Annotated[
+    bool,
+    Option("Tell what each cue costs that is 0.1 s late or early; each is solved twice, a minute or more in all."),
 ]
 Drawing = str | Path | None
 
@@ -107,12 +111,14 @@ def import_log(
     return view
 
 
-def brief(flight: AnyFlight, *, stage: options.StageOfFlights = None) -> "Brief":
+def brief(flight: AnyFlight, *, stage: options.StageOfFlights = None, lateness: Lateness = False) -> "Brief":
     """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
-    from airrace.runs.flight_sources import open_flight
+    from airrace.runs.flight_sources import open_flight, open_stage
     from airrace.runs.stage_data import Brief
 
-    return Brief.of(open_flight(flight, stage=options.stage_text(stage)))
+    name = options.stage_text(stage)
+    cues = Brief.of(open_flight(flight, stage=name))
+    return replace(cues, prices=open_stage(flight, stage=name).cues(lateness=True).prices) if lateness else cues
 
 
 def compare(

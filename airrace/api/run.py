@@ -182,9 +182,9 @@ class Run(RunState):
         fly_again = _flies_again(options.get("threads"), progress=progress)
         return fly_rose(self, winds, fly_again, options)
 
-    def brief(self, stage: str | Stage | None = None) -> Brief:
+    def brief(self, stage: str | Stage | None = None, *, lateness: bool = False) -> Brief:
         """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""
-        return self.stage(stage).cues()
+        return self.stage(stage).cues(lateness=lateness)
 
     def footprint(
         self,

@@ -1,7 +1,7 @@
 """What a stage or a log tells as sequences and mappings shown as tables: cues, gate splits, and sensitivities."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -10,6 +10,7 @@ from airrace.files.inputs import Inputs
 from airrace.flights.results import Flight
 from airrace.flights.results.cues import Cue, cues_of
 from airrace.flights.sensitivity import Sensitivity
+from airrace.flights.sensitivity.lateness import LatenessPrice, lateness_prices
 from airrace.model.parameters import ParameterGroup
 from airrace.pages.report.sensitivity_tables import sensitivities_table
 from airrace.pages.views.cue_tables import NOTE, cue_rows, cue_table, cue_text, place_text
@@ -36,15 +37,26 @@ class Brief(Sequence[Cue]):
     Attributes:
         flight: whose cues they are.
         cues: in order.
+        prices: of lateness, one per cue; none where they were not asked for.
     """
 
     flight: Flight
     cues: tuple[Cue, ...]
+    prices: tuple[LatenessPrice, ...] = ()
 
     @classmethod
     def of(cls, flight: Flight) -> "Brief":
         """Return the briefing of a flight; empty where that knows neither load factor nor attitude."""
         return cls(flight, cues_of(flight))
+
+    def with_prices(self, inputs: Inputs, result: StageResult) -> "Brief":
+        """Return the briefing with the prices of lateness, each solved from the stage whose flight it is.
+
+        Raises:
+            NotCertified: the stage is no optimum, certified or solved.
+        """
+        times = [cue.time for cue in self.cues]
+        return replace(self, prices=tuple(lateness_prices(times, inputs.race, inputs.settings, result)))
 
     @overload
     def __getitem__(self, index: int) -> Cue: ...
@@ -53,7 +65,11 @@ class Brief(Sequence[Cue]):
     def __getitem__(self, index: slice) -> "Brief": ...
 
     def __getitem__(self, index: int | slice) -> "Cue | Brief":
-        return Brief(self.flight, self.cues[index]) if isinstance(index, slice) else self.cues[index]
+        return (
+            replace(self, cues=self.cues[index], prices=self.prices[index])
+            if isinstance(index, slice)
+            else self.cues[index]
+        )
 
     def __len__(self) -> int:
         return len(self.cues)
@@ -69,11 +85,12 @@ class Brief(Sequence[Cue]):
     def table(self, units: Units = RACE, *, unicode: bool = True) -> Table:
         """Return the table that `airrace brief` prints, in ASCII where `unicode` is False."""
         title = f"{self.flight.label}: what the pilot does, leg by leg"
-        return cue_table(self.cues, title, units=units, notes=[self.flight.stamp.text, NOTE], unicode=unicode)
+        notes = [self.flight.stamp.text, NOTE]
+        return cue_table(self.cues, title, units=units, notes=notes, unicode=unicode, prices=self.prices)
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace brief --json` prints: one entry of `cues` per row of the CSV."""
-        return {**flight_object(self.flight), "cues": cue_rows(self.cues).objects()}
+        return {**flight_object(self.flight), "cues": cue_rows(self.cues, self.prices).objects()}
 
     def to_dataframe(self) -> "DataFrame":
         """Return the table that `airrace brief --csv` prints, one row per cue, as a data frame of pandas.
@@ -81,7 +98,7 @@ class Brief(Sequence[Cue]):
         Raises:
             UsageError: pandas is not installed.
         """
-        return cue_rows(self.cues).dataframe("time_s")
+        return cue_rows(self.cues, self.prices).dataframe("time_s")
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """Return the table that `airrace brief --csv` prints, as comma-separated values.
@@ -92,7 +109,7 @@ class Brief(Sequence[Cue]):
         Raises:
             StorageError: the system refused.
         """
-        text = cue_rows(self.cues).csv(".10g")
+        text = cue_rows(self.cues, self.prices).csv(".10g")
         if path is not None:
             write_text(Path(path), text)
         return text

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.flights.results.cues import Cue
+from airrace.flights.sensitivity.lateness import LatenessPrice
 from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
 
 ONCE_ROUND = math.radians(270.0)
@@ -16,6 +17,11 @@ NOTE = (
     "L and R: bank with the left or the right wing down, beyond 90 on the back. A cue begins with the bank and pull "
     "with which the one before it ends; where a mean is told, the pull goes to its extreme and stays there."
 )
+LATENESS_NOTE = (
+    "late, early: the time lost, s, by a cue that begins {delay:g} s too late or too early, flown on as well as can "
+    "be; MISS where no flight was found from there that meets all gates and limits."
+)
+"""With the delay, s."""
 
 
 def gate_text(name: str) -> str:
@@ -98,36 +104,49 @@ def cue_table(
     units: Units = RACE,
     notes: Sequence[str] = (),
     unicode: bool = True,
+    prices: Sequence[LatenessPrice] = (),
 ) -> Table:
     """Return a table of cues for people; a leg is named at its first cue.
 
     Args:
         cues: in order.
+        prices: of lateness, one per cue; none where they were not asked for.
         title: stands above it.
         begin: the time at which a report's clock starts, s, to which a click on a time leads; None without one.
         units: of lengths.
         notes: sentences that belong to it.
         unicode: whether degrees have their sign rather than a word.
     """
-    columns = (
+    columns = [
         Column("leg to"),
         Column("cue", form="d"),
         Column("at", "s", ".2f"),
         Column("where", rank=2),
         Column("height", units.length, ".0f", rank=1),
+        *([Column("late"), Column("early")] if prices else []),
         Column("what the pilot does", wraps=True),
-    )
+    ]
+    if prices:
+        notes = [*notes, LATENESS_NOTE.format(delay=prices[0].delay)]
     rows: list[tuple[Cell | Value, ...]] = []
     leg = 0
-    for cue in cues:
+    for row, cue in enumerate(cues):
         name = "" if cue.leg.number == leg else cue.leg.name
         at = cue.time if begin is None else Cell(cue.time - begin, time=cue.time - begin)
         text = cue_text(cue, units)
         height = cue.begin.height * units.per_m
         text = text if unicode else text.replace("°", " deg")
-        rows.append((name, cue.number, at, place_text(cue, units), height, text))
+        price = price_texts(cue, prices[row]) if prices else ()
+        rows.append((name, cue.number, at, place_text(cue, units), height, *price, text))
         leg = cue.leg.number
     return Table(title, columns, rows, notes)
+
+
+def price_texts(cue: Cue, price: LatenessPrice) -> tuple[str, str]:
+    """Return what a cue costs that is late and one that is early, s, e.g. `0.08` or `MISS`; empty for an early cue at
+    the start, which nobody flies."""
+    late, early = ("MISS" if lost is None else f"{lost:z.2f}" for lost in (price.late, price.early))
+    return late, "" if price.early is None and cue.number == 1 else early
 
 
 _ROWS = (
@@ -138,9 +157,16 @@ _ROWS = (
 )
 
 
-def cue_rows(cues: Sequence[Cue]) -> Table:
-    """Return a row for every cue, for CSV, JSON and data frames: SI units, angles in degrees."""
-    return Table("", [Column(key=key) for key in _ROWS], list(_values(cues)))
+_PRICES = ("delay_s", "late_s", "early_s")
+
+
+def cue_rows(cues: Sequence[Cue], prices: Sequence[LatenessPrice] = ()) -> Table:
+    """Return a row for every cue, for CSV, JSON and data frames: SI units, angles in degrees; with prices of lateness,
+    one per cue, where there are any."""
+    rows = list(_values(cues))
+    if prices:
+        rows = [(*values, price.delay, price.late, price.early) for values, price in zip(rows, prices, strict=True)]
+    return Table("", [Column(key=key) for key in (*_ROWS, *(_PRICES if prices else ()))], rows)
 
 
 def _values(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
