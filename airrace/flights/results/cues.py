@@ -75,12 +75,14 @@ class CueState:
         bank: right wing down, rad; without a meaning near the vertical.
         n_z: load factor, g.
         height: above the track's origin, m.
+        course: over ground, clockwise from north, rad; NaN near the vertical, where it has no meaning.
     """
 
     time: float
     bank: float
     n_z: float
     height: float
+    course: float
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ class Cue:
         passing: the name of the passing that its begin is nearer to along the way, of the two at the ends of the leg.
         distance: of its begin behind that passing along the way, m; negative before it, NaN where positions are not
             known.
-        begin, end: the flight at both ends; `end` is the `begin` of the next cue.
+        begin, end: the flight at both ends; `end` is the `begin` of the next cue, its course that to pull out on.
         rolled: the angle by which the bank changes, or, of a vertical cue, that rolled about the velocity, positive to
             the right, rad; more than a half turn where the aircraft rolls so far.
         vertical: whether the path is nearly vertical somewhere, so that the bank has no meaning.
@@ -214,7 +216,8 @@ class _SmoothPath:
 
     Attributes:
         begin: the first time, s after the start.
-        p: roll rate about the velocity; rolled: its integral; gamma: climb; mu: bank, continuous; each of shape (n,).
+        p: roll rate about the velocity; rolled: its integral; each of shape (n,).
+        gamma: climb; mu: bank; chi: course over ground; the latter continuous; each of shape (n,).
         n_z: load factor; V_K; height; smooth_height; each of shape (n,).
     """
 
@@ -227,12 +230,13 @@ class _SmoothPath:
     smooth_height: Array
     gamma: Array
     mu: Array
+    chi: Array
 
     @classmethod
     def from_flight(cls, flight: Flight) -> "_SmoothPath | None":
         """Return the samples of a flight; None where it does not know enough."""
         passed = [crossing.time for crossing in flight.crossings if crossing.found]
-        if len(passed) < 2 or not flight.has(*QUATERNION, "V_K", "gamma", "mu"):
+        if len(passed) < 2 or not flight.has(*QUATERNION, "V_K", "gamma", "mu", "chi"):
             return None
         begin, end = passed[0], passed[-1]
         times = begin + STEP * np.arange(max(2, math.ceil((end - begin) / STEP) + 1))
@@ -245,12 +249,14 @@ class _SmoothPath:
         measured = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
         p = sample(flight["p_Kbar"] if measured else _roll_rate(flight.time, q))
         n_z, height, V_K = (sample(flight.values(name)) for name in ("n_z", "height", "V_K"))
-        gamma, mu = sample(flight["gamma"]), sample(np.unwrap(flight["mu"]))
-        if p is None or n_z is None or height is None or V_K is None or gamma is None or mu is None:
+        gamma, mu, chi = (sample(np.unwrap(flight[name])) for name in ("gamma", "mu", "chi"))
+        if p is None or n_z is None or height is None or V_K is None or gamma is None:
+            return None
+        if mu is None or chi is None:
             return None
         rolled = STEP * (np.cumsum(p) - 0.5 * (p + p[0]))  # not smoothed: a roll may end at once, as at a passing
         p, n_z = _smooth(p, ROLL_SMOOTHING), _smooth(n_z, LOAD_SMOOTHING)
-        return cls(begin, p, rolled, n_z, V_K, height, _smooth(height, HEIGHT_SMOOTHING), gamma, mu)
+        return cls(begin, p, rolled, n_z, V_K, height, _smooth(height, HEIGHT_SMOOTHING), gamma, mu, chi)
 
     @property
     def time(self) -> Array:
@@ -265,7 +271,8 @@ class _LegPath:
     Attributes:
         time: s after the start, shape (n,).
         n_z, V_K, height, gamma: g, m/s, m, rad, each of shape (n,).
-        mu: bank, continuous; rolled: the angle rolled about the velocity; rad, each of shape (n,).
+        mu: bank, chi: course over ground, both continuous; rolled: the angle rolled about the velocity; rad, each of
+            shape (n,).
     """
 
     time: Array
@@ -274,13 +281,14 @@ class _LegPath:
     height: Array
     gamma: Array
     mu: Array
+    chi: Array
     rolled: Array
 
     @classmethod
     def of(cls, path: _SmoothPath, leg: Leg) -> "_LegPath":
         steps = max(round(leg.time / STEP), 4)
         time = np.linspace(leg.before.time, leg.after.time, steps + 1)
-        histories = (path.n_z, path.V_K, path.height, path.gamma, path.mu, path.rolled)
+        histories = (path.n_z, path.V_K, path.height, path.gamma, path.mu, path.chi, path.rolled)
         return cls(time, *(np.interp(time, path.time, history) for history in histories))
 
     def is_vertical(self, first: int, last: int) -> bool:
@@ -379,6 +387,7 @@ def _cue(flight: Flight, number: int, leg: Leg, path: _LegPath, rows: tuple[int,
             math.remainder(float(path.mu[row]), 2.0 * math.pi),
             float(path.n_z[row]),
             float(path.height[row]),
+            float(path.chi[row]) % (2.0 * math.pi) if abs(path.gamma[row]) < VERTICAL else math.nan,
         )
         for row in rows
     )

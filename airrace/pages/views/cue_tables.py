@@ -38,6 +38,11 @@ def bank_text(bank: float) -> str:
     return f"{'R' if degrees > 0 else 'L'}{abs(degrees)}"
 
 
+def course_text(course: float) -> str:
+    """Return a course over ground in three digits, e.g. `007`; empty where it has no meaning."""
+    return "" if math.isnan(course) else f"{round(math.degrees(course)) % 360:03d}"
+
+
 def load_text(n_z: float) -> str:
     """Return a load factor without its unit, e.g. `8.3` or `10`."""
     return f"{n_z:z.1f}".removesuffix(".0")
@@ -123,6 +128,7 @@ def cue_table(
         Column("at", "s", ".2f"),
         Column("where", rank=2),
         Column("height", units.length, ".0f", rank=1),
+        Column("out on", "deg", rank=3),
         *([Column("late"), Column("early")] if prices else []),
         Column("what the pilot does", wraps=True),
     ]
@@ -137,7 +143,7 @@ def cue_table(
         height = cue.begin.height * units.per_m
         text = text if unicode else text.replace("°", " deg")
         price = price_texts(cue, prices[row]) if prices else ()
-        rows.append((name, cue.number, at, place_text(cue, units), height, *price, text))
+        rows.append((name, cue.number, at, place_text(cue, units), height, course_text(cue.end.course), *price, text))
         leg = cue.leg.number
     return Table(title, columns, rows, notes)
 
@@ -152,7 +158,16 @@ def price_texts(cue: Cue, price: LatenessPrice) -> tuple[str, str]:
 _ROWS = (
     *("leg", "lap", "cue", "time_s", "duration_s", "passing", "distance_m", "action", "side", "vertical"),
     *("bank_from_deg", "bank_to_deg", "rolled_deg", "through"),
-    *("n_z_from", "n_z_extreme", "n_z_mean", "n_z_to", "height_from_m", "height_to_m"),
+    *(
+        "n_z_from",
+        "n_z_extreme",
+        "n_z_mean",
+        "n_z_to",
+        "height_from_m",
+        "height_to_m",
+        "course_from_deg",
+        "course_to_deg",
+    ),
     *("apex_m", "apex_time_s", "over_the_top", "text"),
 )
 
@@ -173,6 +188,7 @@ def _values(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
     for cue in cues:
         distance = cue.distance if math.isfinite(cue.distance) else None
         banks = (math.degrees(angle) for angle in (cue.begin.bank, cue.end.bank, cue.rolled))
+        courses = (None if math.isnan(state.course) else math.degrees(state.course) for state in (cue.begin, cue.end))
         apex = (None, None, False)
         if cue.apex is not None:
             apex = (cue.apex.height, cue.apex.time, cue.apex.over_the_top)
@@ -180,5 +196,5 @@ def _values(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
             *(cue.leg.name, cue.leg.lap, cue.number, cue.time, cue.duration, cue.passing, distance),
             *(cue.action, cue.side, cue.vertical, *banks, _through(cue)),
             *(cue.begin.n_z, cue.n_z_extreme, cue.n_z_mean, cue.end.n_z, cue.begin.height, cue.end.height),
-            *(*apex, cue_text(cue)),
+            *(*courses, *apex, cue_text(cue)),
         )
