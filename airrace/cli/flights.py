@@ -90,7 +90,7 @@ def compare(
 @command(flights.plot)
 def plot(answer: Answer, call: "partial[WrittenFlights]") -> None:
     name = call.keywords["flight"]
-    _choose_output(answer, call, name, "kneeboard.png" if call.keywords["kneeboard"] else "png")
+    _choose_output(answer, call, name, "kneeboard.pdf" if call.keywords["kneeboard"] else "png")
     path = call().path
     answer.add_files(path, format=path.suffix[1:].lower() or "png", flights=[name])
 

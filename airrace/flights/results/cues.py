@@ -261,7 +261,7 @@ class _SmoothPath:
     @property
     def time(self) -> Array:
         """The times of the samples, s after the start, shape (n,)."""
-        return self.begin + STEP * np.arange(len(self.p))
+        return np.asarray(self.begin + STEP * np.arange(len(self.p)), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +317,8 @@ class _LegPath:
     def drift(self, first: int, last: int) -> float:
         """Return what words leave out between two rows, as a share of what they may."""
         angle, n_z = self.angle(first, last), self.n_z[first : last + 1]
-        bank, (_, _, load) = np.linspace(angle[0], angle[-1], len(angle)), self.load(first, last)
+        bank: Array = np.linspace(float(angle[0]), float(angle[-1]), len(angle))
+        _, _, load = self.load(first, last)
         step, V_K = float(self.time[1] - self.time[0]), self.V_K[first : last + 1]
         across = np.cumsum((load * np.sin(bank) - n_z * np.sin(angle)) / V_K)
         up = np.cumsum((load * np.cos(bank) - n_z * np.cos(angle)) / V_K)

@@ -37,6 +37,10 @@ STEP = 0.01
 """The longest step of the flight of a pilot who is late, s."""
 TOLERANCE = 1e-6
 """That of a solve: a price is told in hundredths of a second."""
+LOAD, LIFT = "n_z", "C_L"
+"""The names of the load factor and of the lift coefficient that is proportional to it."""
+STALL_MARGIN = 1.0 - 1e-6
+"""The share of the largest lift coefficient that is left to a late pilot: a solver needs some room."""
 SHORTEST = 1e-3
 """The shortest rest of a leg, s."""
 
@@ -103,7 +107,7 @@ class _Remainder:
         """Return the state, shape (n_x,), in which a pilot is who moves nothing for a while from a time on."""
         control = self.iterate.control[:, self._interval(time)].copy()
         control[[bool(quantity.rate_of) for quantity in self.problem.system.controls]] = 0.0
-        return self._advance(self._state_at(time), control, delay)
+        return self._unstalled(self._advance(self._state_at(time), control, delay), control)
 
     def early(self, time: float, delay: float) -> Array:
         """Return the state, shape (n_x,), in which a pilot is at a time who began then with what comes after it."""
@@ -146,6 +150,18 @@ class _Remainder:
         attitude = [names.index(name) for name in QUATERNION]
         state = state.copy()
         state[attitude] /= np.linalg.norm(state[attitude])
+        return state
+
+    def _unstalled(self, state: Array, control: Array) -> Array:
+        """Return a state, shape (n_x,), with the load factor that its speed allows: a model whose state that is could
+        hold it beyond the largest lift coefficient."""
+        system = self.problem.system
+        states, path = ([quantity.name for quantity in declared] for declared in (system.states, system.path))
+        if LOAD not in states or LIFT not in path or system.path_values is None:
+            return state
+        values = at_points(system.path_values, state[:, None], control[:, None], np.asarray(self.problem.parameters))
+        C_L, most = float(values[path.index(LIFT), 0]), system.path[path.index(LIFT)].upper
+        state[states.index(LOAD)] *= min(1.0, STALL_MARGIN * most / C_L) if C_L > 0.0 else 1.0
         return state
 
     def _rest(self, state: Array, time: float) -> tuple[Problem, Iterate]:

@@ -64,6 +64,28 @@ def cue_text(cue: Cue, units: Units = RACE) -> str:
     return "; ".join(filter(None, (_bank_words(cue), _pull_words(cue), _apex_words(cue, units))))
 
 
+def knee_texts(cue: Cue, units: Units) -> tuple[str, ...]:
+    """Return a cue in the narrow columns of a kneeboard: number, time, place, bank, pull, height, course out."""
+    place = place_text(cue, units).replace(" before ", " bef. ")
+    begin, end = bank_text(cue.begin.bank), bank_text(cue.end.bank)
+    side, through = cue.side[:1].upper(), _through(cue)
+    if cue.action == "hold":
+        bank = "no roll" if cue.vertical else f"hold {end}"
+    elif cue.vertical or abs(cue.rolled) > ONCE_ROUND:
+        bank = f"{cue.action} {side} {abs(math.degrees(cue.rolled)):.0f}°"
+    elif cue.action == "ease":
+        bank = f"ease {end}"
+    else:
+        bank = f"roll {side} {begin}→{end}{' inv' if through == 'inverted' else ''}"
+    n_z = [cue.begin.n_z, cue.n_z_extreme, cue.end.n_z]
+    loads = [load_text(value) for value in n_z]
+    mean = load_text(cue.n_z_mean)
+    pull = "→".join(loads if loads[1] not in (loads[0], loads[2]) else [loads[0], loads[2]])
+    pull = mean if max(n_z) - min(n_z) < STEADY else f"{pull} ({mean})"
+    height = f"{cue.begin.height * units.per_m:.0f}"
+    return str(cue.number), f"{cue.time:.2f}", place, bank, pull, height, course_text(cue.end.course)
+
+
 def _bank_words(cue: Cue) -> str:
     if cue.action == "hold":
         return "hold, no roll" if cue.vertical else f"hold {bank_text(cue.end.bank)}"
