@@ -13,6 +13,8 @@ STEADY = 0.3
 """The change of the load factor below which it is held, g: pilots read an accelerometer no better."""
 AT_PASSING = 5.0
 """The distance within which a cue is at a passing, m: a wing is as long, and a time has two decimals."""
+KNEE_LETTERS = 16
+"""The letters of a place that a kneeboard has room for."""
 NOTE = (
     "L and R: bank with the left or the right wing down, beyond 90 on the back. A cue begins with the bank and pull "
     "with which the one before it ends; where a mean is told, the pull goes to its extreme and stays there."
@@ -67,6 +69,9 @@ def cue_text(cue: Cue, units: Units = RACE) -> str:
 def knee_texts(cue: Cue, units: Units) -> tuple[str, ...]:
     """Return a cue in the narrow columns of a kneeboard: number, time, place, bank, pull, height, course out."""
     place = place_text(cue, units).replace(" before ", " bef. ")
+    if len(place) > KNEE_LETTERS:  # a long name stands above it already, or below
+        distance, _, _ = place.rpartition(" ")
+        place = f"{distance} next" if "bef." in place else distance
     begin, end = bank_text(cue.begin.bank), bank_text(cue.end.bank)
     side, through = cue.side[:1].upper(), _through(cue)
     if cue.action == "hold":

@@ -15,7 +15,7 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.flights.results import Flight, TimedCrossing
-from airrace.flights.results.cues import Cue, cues_of
+from airrace.flights.results.cues import VERTICAL, Cue, cues_of
 from airrace.flights.results.flight import Lap, laps_of
 from airrace.flights.sensitivity.lateness import LatenessPrice
 from airrace.optimal_control.trajectory import Array
@@ -117,7 +117,7 @@ def kneeboard_figures(
         prices: of lateness, one per cue; none where they were not asked for.
     """
     cues, pages = cues_of(flight), list[_Page]()
-    head = _facts(flight, units)
+    head = _facts(flight, units, prices)
     for lap in laps_of(flight):
         pages += _pages_of_lap(flight, lap, cues, units, prices, () if pages else head)
     per_sheet = per_sheet or len(pages)
@@ -146,7 +146,7 @@ def save_kneeboard(
     save_sheets(kneeboard_figures(flight, units, per_sheet=per_sheet, prices=prices), path)
 
 
-def _facts(flight: Flight, units: Units) -> tuple[str, ...]:
+def _facts(flight: Flight, units: Units, prices: Sequence[LatenessPrice]) -> tuple[str, ...]:
     """Return what the flight is, the wind, and the limits, in lines."""
     wind, limit, rules = flight.air.wind, flight.limit("n_z"), flight.course.rules
     words = [f"{race_time_text(flight)}, {flight.label}"]
@@ -160,6 +160,8 @@ def _facts(flight: Flight, units: Units) -> tuple[str, ...]:
         if math.isfinite(height):
             words.append(f"{name} {height * units.per_m:.0f} {units.length}")
     legend = "hgt above the origin at the begin of a cue, out: track at its end, from true north"
+    if prices:
+        legend += f"; late: seconds lost by a cue {prices[0].delay:g} s late, MISS: no flight was found from there"
     return tuple(_wrap(f"{'; '.join(words)}; {flight.stamp.text}") + _wrap(legend))
 
 
@@ -210,8 +212,9 @@ def _gate_words(crossing: TimedCrossing, units: Units) -> str:
         words.append(f"IAS {speed * units.per_m_s:.0f} {units.speed}")
     if math.isfinite(height):
         words.append(f"{height * units.per_m:.0f} {units.length}")
-    words += [f"track {course_text(course)}"] if math.isfinite(course) else []
-    words += [bank_text(bank)] if math.isfinite(bank) else []
+    if not abs(climb) > VERTICAL:  # where neither has a meaning
+        words += [f"track {course_text(course)}"] if math.isfinite(course) else []
+        words += [bank_text(bank)] if math.isfinite(bank) else []
     words += [f"climb {math.degrees(climb):z.0f}"] if math.isfinite(climb) else []
     words += [f"{n_z:z.1f} g"] if math.isfinite(n_z) else []
     return "  ".join(words)
