@@ -9,8 +9,7 @@ from airrace.errors import UsageError
 from airrace.files.inputs import Inputs
 from airrace.flights.results import Flight
 from airrace.flights.results.cues import Cue, cues_of
-from airrace.flights.sensitivity import Sensitivity
-from airrace.flights.sensitivity.lateness import LatenessPrice, lateness_prices
+from airrace.flights.sensitivity import LatenessPrice, Sensitivity
 from airrace.model.parameters import ParameterGroup
 from airrace.pages.report.sensitivity_tables import sensitivities_table
 from airrace.pages.views.cue_tables import NOTE, cue_rows, cue_table, cue_text, place_text
@@ -55,6 +54,8 @@ class Brief(Sequence[Cue]):
         Raises:
             NotCertified: the stage is no optimum, certified or solved.
         """
+        from airrace.flights.sensitivity.lateness import lateness_prices  # loads the solver
+
         times = [cue.time for cue in self.cues]
         return replace(self, prices=tuple(lateness_prices(times, inputs.race, inputs.settings, result)))
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from airrace.errors import NotCertified
+from airrace.flights.sensitivity import LatenessPrice
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.quantities import Interval
@@ -43,21 +44,6 @@ STALL_MARGIN = 1.0 - 1e-6
 """The share of the largest lift coefficient that is left to a late pilot: a solver needs some room."""
 SHORTEST = 1e-3
 """The shortest rest of a leg, s."""
-
-
-@dataclass(frozen=True)
-class LatenessPrice:
-    """What an act costs that is not done in time.
-
-    Attributes:
-        delay: by which it is late or early, s.
-        late, early: the time lost, s; None where no flight was found from there on that meets all gates and limits,
-            and of `early` where the act begins with the race.
-    """
-
-    delay: float
-    late: float | None
-    early: float | None
 
 
 def lateness_prices(

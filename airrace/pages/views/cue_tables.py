@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.flights.results.cues import Cue
-from airrace.flights.sensitivity.lateness import LatenessPrice
+from airrace.flights.sensitivity import LatenessPrice
 from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
 
 ONCE_ROUND = math.radians(270.0)

@@ -17,7 +17,7 @@ from airrace.errors import UsageError
 from airrace.flights.results import Flight, TimedCrossing
 from airrace.flights.results.cues import VERTICAL, Cue, cues_of
 from airrace.flights.results.flight import Lap, laps_of
-from airrace.flights.sensitivity.lateness import LatenessPrice
+from airrace.flights.sensitivity import LatenessPrice
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.course_figure import draw_map
 from airrace.pages.views.cue_tables import bank_text, course_text, gate_text, knee_texts, price_texts

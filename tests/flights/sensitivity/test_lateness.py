@@ -8,7 +8,8 @@ from example_flights import half_cuban
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.flights.sensitivity.lateness import LatenessPrice, lateness_prices
+from airrace.flights.sensitivity import LatenessPrice
+from airrace.flights.sensitivity.lateness import lateness_prices
 
 PULL = 1.4
 """When the point mass begins to pull up, s after the start."""
