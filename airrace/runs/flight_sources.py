@@ -82,6 +82,19 @@ def open_flight(text: str, *, stage: str | None = None) -> Flight:
     return open_flights([text], stage=stage)[0]
 
 
+def open_stage(text: str, *, stage: str | None = None) -> StageView:
+    """Return the stage of a run that a name tells; errors as of `open_flights`.
+
+    Raises:
+        UsageError: it is a flight log.
+    """
+    name = FlightName.of(text)
+    opened = None if _is_log(name) else source_of(open_file(name.path), name.stage or stage)
+    if not isinstance(opened, StageView):
+        raise UsageError(f"{text} is a flight log; only the stage of a run is solved again")
+    return opened
+
+
 def open_file(path: Path) -> RunState | LogView:
     """Return the run or the flight log in a file; errors as of `open_flights`."""
     stored = read_stored(path)
