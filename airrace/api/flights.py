@@ -7,7 +7,7 @@ missing are a UsageError, what the system refuses to write is a StorageError.
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
@@ -62,6 +62,10 @@ def import_log(
         str | None, Option("Of times that name none: +02:00 or Europe/Zagreb; else UTC.", "ZONE")
     ] = None,
     noise: Annotated[float | None, Option("Standard deviation of the positions; estimated by default.", "M")] = None,
+    accuracy: Annotated[
+        float | None,
+        Option("Standard deviation of what positions are off by together; by default as the log says, else 2.5.", "M"),
+    ] = None,
     run: Annotated[int | None, Option("Which run through the course, where there are several.", "N", min=1)] = None,
     name: Annotated[str | None, Option("Which aircraft of an ACMI recording.", "NAME")] = None,
     aircraft: options.Aircraft = None,
@@ -99,6 +103,9 @@ def import_log(
     layout = layout if time_zone is None else with_zone(layout, time_zone)
     if noise is not None and not 0.0 < noise <= 100.0:
         raise UsageError(f"a noise of {noise:g} m is out of range: it must lie above 0 and not above 100")
+    if accuracy is not None and not 0.0 < accuracy <= 100.0:
+        raise UsageError(f"an accuracy of {accuracy:g} m is out of range: it must lie above 0 and not above 100")
+    layout = layout if accuracy is None else replace(layout, accuracy=accuracy)
     noise = stated_noise if noise is None else noise
     view = fly_log_through(Path(log), inputs, layout=layout, noise=noise, run=run, name=name)
     if path is not None:

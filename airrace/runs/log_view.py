@@ -183,7 +183,7 @@ def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
             columns=log.columns,
             remarks=log_flight.remarks,
             receiver=StoredReceiver(
-                math.nan if log_flight.noise is None else log_flight.noise, log.accuracy, log.barometric
+                *(math.nan if stated is None else stated for stated in (log_flight.noise, log.accuracy)), log.barometric
             ),
         ),
         time=flight.time,

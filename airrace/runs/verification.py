@@ -504,7 +504,7 @@ def flight_again(view: LogView) -> "LogFlight":
         log.lines,
         begins,
         barometric=receiver.barometric,
-        accuracy=receiver.accuracy,
+        accuracy=None if math.isnan(receiver.accuracy) else receiver.accuracy,
     )
     noise = None if math.isnan(receiver.noise) else receiver.noise
     inputs = view.inputs

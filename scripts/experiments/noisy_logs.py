@@ -1,15 +1,18 @@
 """Record known flights as recorders do, import them, and print how well the import knows what it says.
 
-    python scripts/experiments/noisy_logs.py RUN.h5 [RUN.h5 ...] [--logs 300] [--seed 1] [--bias M]
+    python scripts/experiments/noisy_logs.py RUN.h5 [RUN.h5 ...] [--logs 2000] [--seed 1] [--errors common]
 
-Each run is a checkpoint whose last stage found a flight. A log of one of them is drawn at random: 1 to 50 Hz, 0 to 3 m
-of white noise, numbers written in steps, positions held over several rows, gaps, heights that are missing, a clock of
-its own, angles of the body or none. An optimum breaks no rule, so no violation may be certain. In every second log a
-gate is passed too high on purpose, by up to 30 m: where that is more than eight deviations it has to be certain.
+Each run is a checkpoint whose last stage found a flight. A log of one of them is drawn at random: 1 to 50 Hz, numbers
+written in steps, positions held over several rows, gaps, heights that are missing, a clock of its own, angles of the
+body or none. An optimum breaks no rule, so no violation may be certain. In every second log a gate is passed too high,
+too low or aside on purpose: where that is more than five deviations it has to be certain.
 
-With `--bias 3` all positions of a log are off together by a normal error of 3 m, in every second log by one that wanders
-with a time constant of 10 s (first-order Gauss-Markov), heights by 1.5 times as much; numbers are cut off instead of
-rounded; the load factor is recorded and stands still from some time on; and the import is told an accuracy of 3 m.
+`--errors` says how positions are off:
+
+- `white`: 0 to 3 m from sample to sample; the accuracy is stated.
+- `receiver`: by first-order Gauss-Markov errors of 20 s of a receiver of 0.02, 1, 3 or 8 m, which the log states.
+- `common`: all heights by up to 12 m and all places by up to 10 m, and by Gauss-Markov errors of 1.5 m over 20 s;
+  nothing is stated.
 
 The first table counts; the second one holds the errors at all passings, each divided by the standard deviation that the
 import tells of it: the shares within one and two of them, and the greatest.
@@ -31,7 +34,8 @@ from airrace.errors import InputError
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
-from airrace.flights.logs.violations import height_window
+from airrace.flights.logs.violations import beyond, height_window
+from airrace.optimal_control.quantities import Interval
 from airrace.procedure.stored_stages import sampler
 from airrace.flights.results import Flight, TimedCrossing
 
@@ -39,12 +43,38 @@ LEAD = 4.0
 """The time of straight flight before the start and behind the finish, s."""
 EDGE = 1e-3
 """The time within which the speed at an end of the flight is measured, s."""
-WANDER = 10.0
+WANDER = 20.0
 """The time constant of an error that wanders, s."""
+VERTICAL = 1.6
+"""The ratio of errors of heights to those over ground."""
 PULL = 40.0
-"""The acceleration with which a gate is passed too high, m/s^2."""
+"""The acceleration with which a gate is passed otherwise, m/s^2."""
+STATED = 0.01
+"""The accuracy that is stated where all errors are white, m."""
+RECEIVERS = (0.02, 1.0, 3.0, 8.0)
+"""The standard deviations of receivers, m."""
 ANGLES = ("phi", "theta", "psi")
 QUANTITIES = ("time", "aside", "height", "path", "speed", "bank")
+ERRORS = ("white", "receiver", "common")
+
+
+@dataclass(frozen=True)
+class Detour:
+    """A passing that is made otherwise: by so many metres upwards or to the right."""
+
+    crossing: TimedCrossing
+    up: float = 0.0
+    right: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """Its size, m."""
+        return abs(self.up) + abs(self.right)
+
+    @property
+    def lasting(self) -> float:
+        """The time from its begin to the passing, s."""
+        return math.pi * math.sqrt(self.size / (2.0 * PULL))
 
 
 @dataclass(frozen=True)
@@ -62,10 +92,11 @@ class LogDraw:
         angles: of the body that are recorded.
         angle_step: in which they are written, deg.
         offset: of the clock, s.
-        bias: standard deviation of an error that all positions share, m.
-        wandering: whether that wanders.
+        detour: the passing that is made otherwise.
+        offset_m: by which all positions are off together, north, east and up, m.
+        wander: standard deviation of an error that wanders, m.
+        quality: whether the log states that.
         stuck: from when on a recorded load factor stands still, s after the start; infinite without one.
-        raised: the passing that is passed too high, and by how much, m.
     """
 
     begin: float
@@ -78,28 +109,33 @@ class LogDraw:
     angles: tuple[str, ...]
     angle_step: float
     offset: float
-    raised: tuple[TimedCrossing, float] | None
-    bias: float = 0.0
-    wandering: bool = False
+    detour: Detour | None
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wander: float = 0.0
+    quality: bool = False
     stuck: float = math.inf
 
 
-def drawn(random: np.random.Generator, flight: Flight, bias: float) -> LogDraw:
+def drawn(random: np.random.Generator, flight: Flight, errors: str) -> LogDraw:
     """Return one way to record a flight."""
     gates = [
-        one
-        for one in flight.crossings
-        if one.passage.element.stands and math.isfinite(height_window(one.passage.element, 0.0).upper)
+        crossing
+        for crossing in flight.crossings
+        if crossing.passage.element.stands and math.isfinite(height_window(crossing.passage.element, 0.0).upper)
     ]
-    raised = None
+    detour = None
     if gates and random.random() < 0.5:
-        raised = gates[int(random.integers(len(gates)))], float(random.uniform(2.0, 30.0))
+        crossing, size = gates[int(random.integers(len(gates)))], float(random.uniform(1.0, 30.0))
+        ways = [{"up": size}, {"up": -0.5 * size}, {"right": size}, {"right": -size}]
+        detour = Detour(crossing, **ways[int(random.integers(4))])
+    wander = {"white": 0.0, "receiver": float(random.choice(RECEIVERS)), "common": 1.5}[errors]
+    offset = tuple(float(random.uniform(-most, most)) for most in (10.0, 10.0, 12.0))
     gap, mute = (float(random.uniform(0.0, flight.race_time)) for _ in range(2))
     hz = float(np.exp(random.uniform(0.0, math.log(50.0))))
     return LogDraw(
         begin=-LEAD + float(random.uniform(0.0, 1.0)) / hz,
         hz=hz,
-        noise=float(random.choice([0.0, 0.02, 0.1, 0.3, 1.0, 3.0])),
+        noise=float(random.choice([0.0, 0.02, 0.1, 0.3, 1.0, 3.0] if errors == "white" else [0.0, 0.02, 0.1])),
         step=float(random.choice([0.0, 0.0, 0.01, 0.1, 1.0])),
         held=int(random.choice([1, 1, 1, 3, 4])),
         gap=(gap, gap + float(random.choice([0.0, 0.0, 0.3, 1.0, 2.0]))),
@@ -107,18 +143,18 @@ def drawn(random: np.random.Generator, flight: Flight, bias: float) -> LogDraw:
         angles=[(), (), ANGLES, ("phi",)][int(random.integers(4))],
         angle_step=float(random.choice([0.0, 0.1, 1.0])),
         offset=float(random.choice([0.0, 40.0, 50_000.0])),
-        raised=raised,
-        bias=bias,
-        wandering=bias > 0.0 and random.random() < 0.5,
-        stuck=float(random.uniform(0.0, flight.race_time)) if bias > 0.0 else math.inf,
+        detour=detour,
+        offset_m=offset if errors == "common" else (0.0, 0.0, 0.0),
+        wander=wander,
+        quality=errors == "receiver",
+        stuck=float(random.uniform(0.0, flight.race_time)) if errors != "white" else math.inf,
     )
 
 
-def shared_error(draw: LogDraw, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return the error of one axis over time that white noise is no model of, m."""
-    error = draw.bias * random.standard_normal(len(time))
-    kept = np.exp(-np.diff(time) / WANDER) if draw.wandering else np.ones(len(time) - 1)
-    for row, share in enumerate(kept.tolist(), start=1):
+def wandering_error(deviation: float, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Return a Gauss-Markov error over time, m."""
+    error = deviation * random.standard_normal(len(time))
+    for row, share in enumerate(np.exp(-np.diff(time) / WANDER).tolist(), start=1):
         error[row] = share * error[row - 1] + math.sqrt(1.0 - share**2) * error[row]
     return error
 
@@ -133,17 +169,17 @@ def log_text(run: Run, draw: LogDraw, random: np.random.Generator) -> str:
     before, behind = np.minimum(fresh, 0.0), np.maximum(fresh - last, 0.0)
     columns = [np.array([f"{one + draw.offset:.4f}" for one in rows])]
     silent = (rows > draw.gap[0]) & (rows < draw.gap[1])
-    for name, sign in (("x", 1.0), ("y", 1.0), ("z", -1.0)):
+    for number, (name, sign) in enumerate((("x", 1.0), ("y", 1.0), ("z", -1.0))):
         first, final = np.diff(ends[name])[[0, -1]] / EDGE
         place = sign * (inside[name] + first * before + final * behind)
-        if name == "z" and draw.raised is not None:
-            lasting = math.pi * math.sqrt(draw.raised[1] / (2.0 * PULL))
-            off = np.minimum(np.abs(fresh - draw.raised[0].time) / lasting, 1.0)
-            place = place + draw.raised[1] * np.cos(0.5 * math.pi * off) ** 2
-        place = place + draw.noise * random.standard_normal(len(fresh))
-        if draw.bias:
-            place = place + (1.5 if name == "z" else 1.0) * shared_error(draw, fresh, random)
-        whole = np.floor if draw.bias else np.round
+        if draw.detour is not None:
+            chi = draw.detour.crossing.value("chi")
+            size = (-draw.detour.right * math.sin(chi), draw.detour.right * math.cos(chi), draw.detour.up)[number]
+            off = np.minimum(np.abs(fresh - draw.detour.crossing.time) / draw.detour.lasting, 1.0)
+            place = place + size * np.cos(0.5 * math.pi * off) ** 2
+        place = place + draw.noise * random.standard_normal(len(fresh)) + draw.offset_m[number]
+        place = place + (VERTICAL if name == "z" else 1.0) * wandering_error(draw.wander, fresh, random)
+        whole = np.floor if draw.wander else np.round
         place = whole(place / draw.step) * draw.step if draw.step else place
         written = np.array([f"{one:.4f}" for one in np.repeat(place, draw.held)[: len(rows)]])
         mute = (name == "z") & (rows > draw.mute[0]) & (rows < draw.mute[1])
@@ -159,11 +195,15 @@ def log_text(run: Run, draw: LogDraw, random: np.random.Generator) -> str:
             np.array([f"{one:.3f}" for one in np.interp(np.minimum(rows, draw.stuck), rows, recorded["n_z"])])
         )
         titles.append("load factor [g]")
+    if draw.quality:
+        for title, accuracy in (("hAcc [m]", draw.wander), ("vAcc [m]", VERTICAL * draw.wander)):
+            columns.append(np.full(len(rows), f"{accuracy:.3f}"))
+            titles.append(title)
     head = ",".join(titles)
     return "\n".join([head, *(",".join(row) for row in np.stack(columns)[:, ~silent].T)]) + "\n"
 
 
-def imported(run: Run, text: str, accuracy: float) -> LogFlight:
+def imported(run: Run, text: str, accuracy: float | None) -> LogFlight:
     """Return what the import makes of a log."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
@@ -213,26 +253,51 @@ class Count:
     logs: int = 0
     refused: int = 0
     false: list[str] = field(default_factory=list[str])
-    raised: int = 0
+    breaches: int = 0
     lost: list[str] = field(default_factory=list[str])
+    certain: int = 0
     passings: list[Mapping[str, float]] = field(default_factory=list[Mapping[str, float]])
 
     def take(self, flown: LogFlight, known: Flight, draw: LogDraw, label: str) -> None:
         """Count one log."""
         self.logs += 1
-        certain = [one for one in flown.violations if one.certain]
-        if draw.raised is None:
-            self.false += [f"{label} {one}" for one in certain]
+        certain = [violation for violation in flown.violations if violation.certain]
+        if draw.detour is None:
+            self.false += [f"{label} {violation}" for violation in certain]
             self.passings += errors(flown, known, draw)
             return
-        crossing, by = draw.raised
-        window = height_window(crossing.passage.element, 0.0)
-        excess = crossing.value("height") + by - window.upper
-        if crossing.name in flown.known and excess > 8.0 * flown.known[crossing.name].up:
-            self.raised += 1
-            if not any((one.passing, one.rule) == (crossing.name, "too-high") for one in certain):
-                seen = next(one.value("height") for one in flown.flight.crossings if one.name == crossing.name)
-                self.lost.append(f"{label}: seen {seen:.2f} m, +- {flown.known[crossing.name].up:.2f} m")
+        crossing, lasting = draw.detour.crossing, draw.detour.lasting
+        times = {passing.name: passing.time for passing in known.crossings}
+        self.false += [
+            f"{label} {violation}"
+            for violation in certain
+            if violation.passing and abs(times[violation.passing] - crossing.time) > lasting + 0.5
+        ]
+        breach = true_excess(crossing, draw.detour)
+        rules = ("too-high", "too-low") if draw.detour.up else ("pylon", "missed")
+        own = [v for v in flown.violations if v.passing == crossing.name and v.rule in rules]
+        if not breach or crossing.name not in flown.known:
+            return
+        judged = [v.deviation for v in own if math.isfinite(v.deviation)]
+        told = flown.known[crossing.name].up if draw.detour.up else flown.known[crossing.name].tip
+        deviation = min(judged, default=told)
+        self.certain += any(v.certain for v in own)
+        if breach > 5.0 * deviation:
+            self.breaches += 1
+            if not any(v.certain for v in own):
+                values = ", ".join(f"{v.rule} {v.value:.2f} of {v.limit:.2f}, +- {v.deviation:.2f} m" for v in own)
+                self.lost.append(f"{label}: {breach:.2f} m, told {told:.2f} m; {values}")
+
+
+def true_excess(crossing: TimedCrossing, detour: Detour) -> float:
+    """Return by how much a passing is beyond its limits with a detour, m."""
+    element = crossing.passage.element
+    if detour.up:
+        return abs(beyond(crossing.value("height") + detour.up, height_window(element, 0.0)))
+    half = 0.5 * getattr(element, "width", math.inf)
+    axis = crossing.value("chi")  # nearly
+    north, east = (crossing.value(name) - place for name, place in zip("xy", element.place or (0.0, 0.0), strict=True))
+    return abs(beyond(east * math.cos(axis) - north * math.sin(axis) + detour.right, Interval(-half, half)))
 
 
 def main() -> None:
@@ -244,20 +309,21 @@ def main() -> None:
     for number in range(arguments.logs):
         random = np.random.default_rng((arguments.seed, number))
         which = int(random.integers(len(runs)))
-        draw = drawn(random, flights[which], arguments.bias)
+        draw = drawn(random, flights[which], arguments.errors)
         label = f"{number}: {runs[which].name} {draw}"
         try:
-            flown = imported(runs[which], log_text(runs[which], draw, random), arguments.bias)
+            flown = imported(
+                runs[which], log_text(runs[which], draw, random), STATED if arguments.errors == "white" else None
+            )
         except InputError as error:
             count.refused += 1
             print(f"{label}: {error}", file=sys.stderr, flush=True)
             continue
         count.take(flown, flights[which], draw, label)
-    print("| logs | refused | false certain violations | gates passed too high by 8 deviations | found |")
-    print("|---|---|---|---|---|")
-    print(
-        f"| {count.logs} | {count.refused} | {len(count.false)} | {count.raised} | {count.raised - len(count.lost)} |\n"
-    )
+    print("| logs | refused | false certain violations | certain breaches | breaches by 5 deviations | found |")
+    print("|---|---|---|---|---|---|")
+    found = count.breaches - len(count.lost)
+    print(f"| {count.logs} | {count.refused} | {len(count.false)} | {count.certain} | {count.breaches} | {found} |\n")
     print("| errors, in deviations | within 1 | within 2 | within 5 | greatest |\n|---|---|---|---|---|")
     for name in QUANTITIES:
         values = np.abs([one[name] for one in count.passings])
@@ -271,7 +337,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN.h5")
     parser.add_argument("--logs", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--bias", type=float, default=0.0, metavar="M")
+    parser.add_argument("--errors", choices=ERRORS, default="white")
     return parser.parse_args()
 
 

@@ -37,7 +37,7 @@ class StoredReceiver:
 
     Attributes:
         noise: standard deviation that was given, m; NaN where it is estimated.
-        accuracy: standard deviation of an error that all positions share, or that wanders for seconds, m.
+        accuracy: standard deviation of all that positions are off by together, m, as stated; NaN where it was not.
         barometric: whether heights are those of a barometer.
     """
 
@@ -129,7 +129,7 @@ def _validate_log(log: RawLog, path: str) -> RawLog:
         raise CheckpointError(f"{path}: its columns are not equally long")
     for name, recorded in {**log.columns, "time": log.time, "offset": np.array([log.offset])}.items():
         ensure_sizes(recorded[~np.isnan(recorded)], f"{path}/{name}")
-    if not 0.0 <= log.receiver.accuracy < np.inf or log.receiver.noise <= 0.0:
+    if log.receiver.accuracy <= 0.0 or log.receiver.noise <= 0.0:
         raise CheckpointError(f"{path}/receiver: no receiver has such errors")
     return log
 

@@ -49,10 +49,9 @@ class LogEntry(Schema):
     position_noise_m: Annotated[float, Gt(0), Le(100)] | None = optional(
         "standard deviation of the positions; estimated from them by default"
     )
-    position_accuracy_m: Annotated[float, Ge(0), Le(100)] = Field(
-        default=0.0,
-        description="standard deviation of an error that all positions share, or that wanders for seconds: 1 to 3 m "
-        "without corrections",
+    position_accuracy_m: Annotated[float, Gt(0), Le(100)] | None = optional(
+        "standard deviation of all that positions are off by together, or for seconds; by default what the log says, "
+        "else 2.5 m"
     )
 
 

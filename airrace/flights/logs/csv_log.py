@@ -26,6 +26,7 @@ from airrace.flights.logs.clocks import (
     unwrap_days,
 )
 from airrace.flights.logs.dialects import Dialect, dialect_of, plain_header
+from airrace.flights.logs.quality import CODES, fix_type
 from airrace.flights.logs.recording import EARTH_RADIUS, IDLE_MAX, Recording, SampleTable, enumerate_words, refuse
 from airrace.model.environment import g0
 from airrace.optimal_control.quantities import DEGREE, FOOT, KNOT
@@ -34,6 +35,7 @@ from airrace.optimal_control.trajectory import Array
 _ANGLE = {"deg": DEGREE, "rad": 1.0}
 _PLACE = {**_ANGLE, "arcmin": math.pi / 10800.0, "arcmin west": -math.pi / 10800.0, "1e-7 deg": 1e-7 * math.pi / 180.0}
 _LENGTH = {"m": 1.0, "ft": FOOT, "km": 1000.0, "mm": 1e-3}
+_NUMBER = {"1": 1.0}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
 _TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "hhmmss", "unix", "unix ms"), 1.0)}
 """How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
@@ -74,6 +76,13 @@ FIELDS = {
         Field("roll", "phi", _ANGLE, ("roll", "phi")),
         Field("pitch", "theta", _ANGLE, ("pitch", "theta")),
         Field("heading", "psi", _ANGLE, ("heading", "yaw", "psi")),
+        Field("satellites", "satellites", _NUMBER, ("satellites", "sats", "numsv", "nsats", "satellites used")),
+        Field("hdop", "hdop", _NUMBER, ("hdop",)),
+        Field("vdop", "vdop", _NUMBER, ("vdop",)),
+        Field("pdop", "pdop", _NUMBER, ("pdop",)),
+        Field("horizontal_accuracy", "h_acc", _LENGTH, ("hacc", "h acc", "horizontal accuracy", "accuracy", "eph")),
+        Field("vertical_accuracy", "v_acc", _LENGTH, ("vacc", "v acc", "vertical accuracy", "epv")),
+        Field("fix_type", "fix_type", dict.fromkeys(CODES, 1.0), ("fix type", "fixtype", "gps fix", "fix")),
     )
 }
 """The quantities that may be recorded, by name."""
@@ -136,7 +145,7 @@ class ColumnLayout:
     zone: tzinfo | None = None
     delimiter: str = ""
     decimal_comma: bool = False
-    accuracy: float = 0.0
+    accuracy: float | None = None
 
     def correct(self, name: str, numbers: Array) -> Array:
         """Return recorded numbers of a quantity, scaled and shifted."""
@@ -258,7 +267,9 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         values = [math.nan] * len(measured)
         for place, (column, cell) in enumerate(zip(measured, cells, strict=True)):
             if cell:
-                values[place] = samples.number(at, cell, column.header)
+                named = column.field.name == "fix_type"
+                code = column.unit or "mavlink"
+                values[place] = fix_type(cell, code) if named else samples.number(at, cell, column.header)
         samples.append(at, seconds, *values)
     if len(samples.lines) < 2 or len(samples.lines) <= garbled:
         samples.refuse_first_fault()

@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import HOLE, between_samples, samples_of
 from airrace.flights.logs.recording import EARTH_RADIUS, Recording, rounding
 from airrace.flights.logs.smoothing import MISSING_FACTOR, STEP, Path
-from airrace.flights.logs.violations import StandardDeviations
+from airrace.flights.logs.violations import COSINE_MIN, StandardDeviations
 from airrace.flights.results import Flight
 from airrace.flights.results.flight import Basis
 from airrace.model.dynamics.limits import flight_limits
@@ -34,13 +35,14 @@ SIDESLIP_MAX = math.radians(15.0)
 """The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not show."""
 UNKNOWN_PULL = 25.0
 """The unknown acceleration where samples are missing, m/s^2."""
-VERTICAL_RATIO = 1.5
-"""The ratio of the accuracy of heights to that over ground; that of satellites is usually 1.5 to 2 (assumption)."""
-WANDER_RATE = 0.7
-"""The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 10 s, 1/s;
-measured likewise (`--bias`), rounded up."""
-WANDER_RATE_2 = 2.0
+DRIFT_RATE = 0.5
+"""The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 20 s
+(Gauss-Markov), 1/s; measured likewise (`--bias`), rounded up."""
+DRIFT_RATE_2 = 1.4
 """That of the acceleration, 1/s^2."""
+BIAS_TIME = 0.2
+"""The time around an instant over which the mean distance of the positions from the path is its bias there, s: what the
+smoother takes from a dip or from the peak of a turn lasts as long."""
 TRUNCATION_FACTOR = 2.0
 """The ratio of the deviation of numbers that may have been cut off to that of rounding: half a step beside it."""
 ROLL_ONSET = 0.1
@@ -51,10 +53,6 @@ LOAD_RATE = 25.0
 """The greatest rate of the load factor, 1/s."""
 WINGS = math.radians(0.1)
 """The angle by which the wings may lie otherwise across the path, for there is sideslip, rad."""
-COSINE_MIN = 0.1
-"""The least cosine between path and axis that is counted."""
-BAROMETER = 70.0
-"""The standard deviation of heights by the standard atmosphere, m: of 8 hPa."""
 
 
 def place_roundings(placed: Recording) -> Array:
@@ -83,7 +81,8 @@ def deviations_of(
     offset: float,
     axes: Mapping[str, float],
     *,
-    bias: float = 0.0,
+    common: CommonErrors,
+    own: bool = False,
     late: float = 0.0,
     tilt: float = 0.0,
 ) -> Callable[[float], StandardDeviations]:
@@ -97,7 +96,8 @@ def deviations_of(
         offset: of the flight's clock on that of the recording, s.
         axes: along which each element was passed, rad, by the names of the passages. Where the path is slanted to it,
             an error of the position makes a greater one of the time, and of the place on the line.
-        bias: by which all heights may be off together, m.
+        common: the errors that samples share.
+        own: whether positions are to be known beside these, which count for times only.
         late, tilt: by which all recorded rolls may be late, s, and off together, rad.
     """
     limits = flight_limits(flight.aircraft, flight.course.rules)
@@ -105,47 +105,70 @@ def deviations_of(
     roll = _ErrorHistory(part, "phi", roll_rate, ROLL_ONSET) if is_measured(flight, "phi") else None
     load = _ErrorHistory(part, "n_z", LOAD_RATE, LOAD_ONSET) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
-    accuracy = part.accuracy
-    zero = math.hypot(bias, BAROMETER if part.barometric else 0.0, VERTICAL_RATIO * accuracy)
     straight = {
         crossing.time: max(abs(math.cos(crossing.value("chi") - axes[crossing.name])), COSINE_MIN)
         for crossing in flight.crossings
         if crossing.found and crossing.name in axes
     }
     half_span = 0.5 * flight.aircraft.airframe.b
-    places = part.time[np.isfinite(part.columns["x"])]
+    placed = part.select(np.isfinite(part.columns["x"]))
+    places = placed.time
+    residuals = np.stack([placed.columns[name] for name in ("x", "y", "height")]) - path.at(places)[0]
+    residuals[:, path.outliers] = np.nan
     usual = float(np.median(np.diff(places)))
 
+    def bias(time: float) -> tuple[float, float]:
+        """Return the mean distance of the positions around a time from the path, over ground and of heights, m."""
+        inside = slice(*np.searchsorted(places, [time - BIAS_TIME, time + BIAS_TIME]))
+        around = residuals[:, inside][:, np.isfinite(residuals[:, inside]).all(axis=0)]
+        north, east, up = around.mean(axis=1) if around.shape[1] > 1 else np.zeros(3)
+        return math.hypot(north, east), abs(float(up))
+
     def at(time: float) -> StandardDeviations:
+        row = int(np.argmin(np.abs(flight.time - time)))
+        V_K, n_z, gamma, chi = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma", "chi"))
+        mean, covariance = common.at(offset + time)
+        drift = common.drift(offset + time)
+        if not common.windows:  # not measured yet
+            covariance = np.diag([drift[0] ** 2, drift[0] ** 2, drift[1] ** 2])
+        aside, ahead = np.array([-math.sin(chi), math.cos(chi)]), np.array([math.cos(chi), math.sin(chi)])
+        beside, along_path = (
+            math.hypot(axis @ mean[:2], math.sqrt(max(axis @ covariance[:2, :2] @ axis, 0.0)))
+            for axis in (aside, ahead)
+        )
+        zero = 0.0 if own else math.hypot(mean[2], math.sqrt(max(float(covariance[2, 2]), 0.0)))
         raw = path.deviations(np.array([offset + time]))[:, :, 0]
         place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
         between = float(places[place] - places[place - 1])
         step = between if between > MISSING_FACTOR * usual else 0.0
         outside = max(places[0] - (offset + time), offset + time - places[-1], 0.0)  # the path goes straight on there
         lost = UNKNOWN_PULL * math.hypot(step**2 / 8.0, outside**2 / 2.0)
-        across, along = (
-            math.hypot(factor * float(raw[0, :2].max()), rounded * float(least[:2].max()), lost, accuracy)
-            / straight.get(time, 1.0)
-            for factor, rounded in ((ACROSS_FACTOR, 1.0), (TIME_FACTOR, TRUNCATION_FACTOR))
-        )
-        row = int(np.argmin(np.abs(flight.time - time)))
-        V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))
+        smoothed = bias(offset + time)
+        noise = float(raw[0, :2].max()), float(least[:2].max())
+        across = math.hypot(ACROSS_FACTOR * noise[0], noise[1], lost, smoothed[0], 0.0 if own else beside)
+        along = math.hypot(TIME_FACTOR * noise[0], TRUNCATION_FACTOR * noise[1], lost, smoothed[0], along_path)
+        across, along = (deviation / straight.get(time, 1.0) for deviation in (across, along))
+        bend = 0.5 * abs(n_z) * g0 * (along / max(V_K * math.cos(gamma), 1.0)) ** 2  # of the path within that time
+        across = math.hypot(across, bend)
         speed = math.hypot(
             VELOCITY_FACTOR * float(raw[1].max()),
-            WANDER_RATE * accuracy,
+            DRIFT_RATE * drift[1],
             UNKNOWN_PULL * math.hypot(step / 4.0, outside),
         )
-        pull = math.hypot(ACCELERATION_FACTOR * float(raw[2].max()), WANDER_RATE_2 * accuracy)
+        pull = math.hypot(ACCELERATION_FACTOR * float(raw[2].max()), DRIFT_RATE_2 * drift[1])
         direction = math.atan2(speed, max(V_K, 1.0))
         when = along / max(V_K * math.cos(gamma), 1.0)
         turned = math.hypot(direction, when * abs(n_z) * g0 / max(V_K, 1.0))
-        up = math.hypot(UP_FACTOR * float(raw[0, 2]), float(least[2]), zero, lost, when * V_K * math.sin(gamma))
+        climbing = when * V_K * math.sin(gamma)
+        up = math.hypot(
+            UP_FACTOR * float(raw[0, 2]), float(least[2]), zero, lost, smoothed[1], bend, 0.0 if own else climbing
+        )
         bank = math.nan
         if roll is not None:
             pitch = abs(gamma) + abs(float(flight.values("alpha_A")[row]))
             slipping = 0.0 if full else sideslip * math.sin(min(pitch, 0.5 * math.pi))
-            measured, climbing = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
-            bank = math.hypot(measured, climbing, slipping, tilt, WINGS)
+            measured, turning = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
+            bank = math.hypot(measured, turning, slipping, tilt, WINGS)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)

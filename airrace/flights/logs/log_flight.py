@@ -3,17 +3,28 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from airrace.errors import InputError
 from airrace.flights.logs.deviations import deviations_of, is_measured, place_roundings
+from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import log_histories
 from airrace.flights.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
-from airrace.flights.logs.plausibility import height_bias, in_feet_if_so, plausible, roll_offsets
+from airrace.flights.logs.plausibility import in_feet_if_so, plausible, roll_offsets
+from airrace.flights.logs.quality import receiver_accuracy
 from airrace.flights.logs.recording import Recording, count_of, refuse
 from airrace.flights.logs.smoothing import DURATION_MAX, EDGE, Path, smooth
-from airrace.flights.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
+from airrace.flights.logs.violations import (
+    NONE_KNOWN,
+    FlightErrors,
+    Penalties,
+    StandardDeviations,
+    Violation,
+    passing_windows,
+    violations,
+)
 from airrace.flights.results import Flight, Source, TimedCrossing
 from airrace.model.track.course import Passage
 from airrace.optimal_control.trajectory import Array
@@ -23,6 +34,10 @@ SAMPLING = 0.02
 """The time between two samples of the flight, s, as of an optimum's."""
 COARSE_SAMPLING = 0.2
 """That between the samples among which a run is looked for, s."""
+REGISTERED = 1.0
+"""The offset beyond which the flight is moved before it is judged, m; with less the passings are nearly the same."""
+REGISTRATIONS = 2
+"""The number of times that it is moved, at most."""
 SMOOTHED_MARGIN = 5.0
 """The time that is smoothed before the first passing and behind the last one, s."""
 GAP = 0.25
@@ -102,26 +117,37 @@ def flight_of_part(
     if np.isfinite(places[2]).sum() < 2:
         refuse(part.path, 0, "has no heights on the course")
     path = smooth(placed.time, places, noise, least)
+    part = plausible(part, path, race)
+    common = CommonErrors(
+        part.time, receiver_accuracy(part), stated=part.accuracy is not None, barometric=part.barometric
+    )
+    for further in range(REGISTRATIONS, -1, -1):
+        moved = replace(path, position=path.position - common.registration[:, None])
+        run = _find_run(race, part, moved)
+        flight = _flight(race, part, moved, run, label)
+        axes = run.axes(race.course.passages)
+        late, offsets = roll_offsets(race, part, path, run) if is_measured(flight, "phi") else ((0.0, 0.0), ())
+        known = partial(deviations_of, part, path, least, flight, run.begin, axes, late=late[0], tilt=late[1])
+        own = known(common=common, own=True)
+        common = common.with_windows(passing_windows(flight, axes, own, run.begin), common.registration)
+        if not further or np.linalg.norm(common.offset - common.registration) <= REGISTERED:
+            break
+        common = common.with_windows((), common.offset)
+    errors = FlightErrors(own, known(common=common), common, run.begin)
+    accuracies = {crossing.name: errors.at(crossing.time) for crossing in flight.crossings if crossing.found}
+    remarks = (*part.remarks, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
+    broken = violations(flight, axes, errors, penalties)
+    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise)
+
+
+def _find_run(race: Race, part: Recording, path: Path) -> CourseRun:
+    """Return the run through the course on a smoothed path."""
     fine = path.time[0] + SAMPLING * np.arange(int((path.time[-1] - path.time[0]) / SAMPLING) + 1)
     (x, y, _), _, _ = path.at(fine)
     runs = find_runs(race, fine, x, y)
     if not runs:
         refuse(part.path, 0, "its positions scatter too widely for a passing to be seen")
-    final = max(runs, key=lambda run: len(run.made))
-    part = plausible(part, path, race)
-    flight = _flight(race, part, path, final, label)
-    axes = {
-        p.name: passing.axis
-        for p, passing in zip(race.course.passages, final.passings, strict=True)
-        if passing is not None
-    }
-    bias, biases = height_bias(flight, axes)
-    (late, tilt), offsets = roll_offsets(race, part, path, final) if is_measured(flight, "phi") else ((0.0, 0.0), ())
-    deviations = deviations_of(part, path, least, flight, final.begin, axes, bias=bias, late=late, tilt=tilt)
-    accuracies = {crossing.name: deviations(crossing.time) for crossing in flight.crossings if crossing.found}
-    remarks = (*part.remarks, *biases, *offsets, *_remarks(placed, path, flight, accuracies))
-    broken = violations(flight, axes, deviations, penalties)
-    return LogFlight(flight, broken, accuracies, part, final.begin, remarks, noise)
+    return max(runs, key=lambda run: len(run.made))
 
 
 def _choose_flight(

@@ -227,6 +227,11 @@ class CourseRun:
         """The passings that were made."""
         return [passing for passing in self.passings if passing is not None]
 
+    def axes(self, passages: Sequence[Passage]) -> dict[str, float]:
+        """Return along which axis each element was passed, rad, by the names of the passages."""
+        passings = zip(passages, self.passings, strict=True)
+        return {passage.name: passing.axis for passage, passing in passings if passing is not None}
+
     @property
     def begin(self) -> float:
         """The time of its first passing, s."""

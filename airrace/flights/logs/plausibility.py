@@ -1,7 +1,7 @@
 """Recorded columns compared with the path: units that are not stated, and values that cannot be true."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from airrace.flights.logs.passings import HEIGHTS, CourseRun
 from airrace.flights.logs.recording import Recording
 from airrace.flights.logs.smoothing import Path
 from airrace.flights.logs.violations import beyond, height_window
-from airrace.flights.results import Flight, attitude
+from airrace.flights.results import attitude
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.trajectory import Array
@@ -47,16 +47,12 @@ FULL_TURN = 6.4
 """The angle in rad that no angle in degrees stays below in a race."""
 TOO_HIGH = 5.0
 """The height by which passings are too high for heights to be taken as feet, m."""
-ZERO_SHIFT = 0.2
-"""The height by which almost all passings are too high, or too low, for the zero of the heights to be doubted, m."""
 FEET_LEFT = 0.25
 """The share of the excess height that is left in feet, at most."""
-BIASED_SHARE = 0.7
-"""The share of passings that are too high, or too low, for a bias."""
 FEET_SCATTER = 1.5
 """The scatter of the heights at passings, in terms of the widest window, below which they are no feet."""
 WINDOWS_MIN = 3
-"""The number of passings with a window of heights that are needed for such a bias."""
+"""The number of passings with a window of heights that are needed for feet to be found out."""
 LAG_MAX = 0.5
 """The time by which the roll may be late, s."""
 LAG_STEP = 0.02
@@ -93,26 +89,6 @@ def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
         columns["altitude"] = framed.columns["altitude"] * _FOOT
     remark = f"heights are taken as feet: as metres they are {np.median(excess):.0f} m off the windows of the course"
     return replace(framed, columns=columns, remarks=(*framed.remarks, remark))
-
-
-def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
-    """Return how far all heights may be off together, m, and a remark, where almost all are too high, or too low.
-
-    Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
-    """
-    heights = np.array([crossing.value("height") for crossing in flight.crossings])
-    windows = [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings]
-    excess = _beyond(heights, windows)
-    if len(excess) < WINDOWS_MIN or abs(np.median(excess)) < ZERO_SHIFT:
-        return 0.0, ()
-    if np.mean(np.sign(excess) == np.sign(np.median(excess))) < BIASED_SHARE:
-        return 0.0, ()
-    bias = float(np.median(excess))
-    side = "high" if bias > 0.0 else "low"
-    remark = (
-        f"almost all passings are about {abs(bias):.2g} m too {side}: are heights in another unit, or of another zero?"
-    )
-    return abs(bias), (remark,)
 
 
 def roll_offsets(

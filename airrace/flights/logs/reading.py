@@ -22,6 +22,7 @@ import numpy as np
 
 from airrace.flights.logs.clocks import instant, iso_seconds
 from airrace.flights.logs.csv_log import ColumnLayout, read_csv
+from airrace.flights.logs.quality import fix_type, without_fix_left_out
 from airrace.flights.logs.recorders import FIX, read_acmi, read_fit, read_igc
 from airrace.flights.logs.recording import DEPTH_MAX, GPX_SIZE_MAX, LINE_MAX, SIZE_MAX, Recording, SampleTable, refuse
 from airrace.runtime.standard_streams import STANDARD, name_of, read_bytes
@@ -35,6 +36,8 @@ _MULTIBYTE = frozenset(
     ("shift_jis", "cp932", "euc_jp", "iso2022_jp", "gb2312", "gbk", "gb18030", "big5", "cp950", "euc_kr", "cp949")
 )
 """Encodings of several bytes per letter, by the names of their codecs, which expat does not know."""
+_QUALITY = ("satellites", "hdop", "vdop", "pdop", "fix_type")
+"""The columns of what a GPX point says of its quality."""
 _PLANNED = "a point of the track has no time; only a recorded track can be imported"
 
 DAMAGES = (
@@ -66,8 +69,10 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
     """
     columns = layout or ColumnLayout()
     recording = _read(path, columns, aircraft)
-    tracks = tuple(replace(track, accuracy=columns.accuracy) for track in recording.others)
-    return replace(recording, accuracy=columns.accuracy, others=tracks)
+    tracks = tuple(
+        without_fix_left_out(replace(track, accuracy=columns.accuracy)) for track in (recording, *recording.others)
+    )
+    return replace(tracks[0], others=tracks[1:])
 
 
 def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
@@ -274,11 +279,11 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
         InputError: it is no GPX, or no two points have a time.
     """
     read = SampleTable(path, 0, "point")  # of all tracks
-    tracks = [SampleTable(path, 4)]
+    tracks = [SampleTable(path, 4 + len(_QUALITY))]
 
     def take(element: Element, line: int) -> None:
         if element.tag == "trk" and tracks[-1].lines:
-            tracks.append(SampleTable(path, 4))
+            tracks.append(SampleTable(path, 4 + len(_QUALITY)))
         if element.tag == "trkpt":
             height, when = ((element.findtext(key) or "").strip() for key in ("ele", "time"))
             try:
@@ -289,7 +294,10 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
                 return
             place = [read.number(line, element.get(key, ""), key) for key in ("lat", "lon")]
             read.append(line)
-            tracks[-1].append(line, time, *place, read.number(line, height, "ele") if height else math.nan)
+            quality = [_gpx_number(element, key) for key in ("sat", "hdop", "vdop", "pdop")]
+            fix = element.findtext("fix")
+            up = read.number(line, height, "ele") if height else math.nan
+            tracks[-1].append(line, time, *place, up, *quality, math.nan if fix is None else fix_type(fix))
 
     try:
         _parse(path, content, take, "trkpt")
@@ -309,7 +317,16 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
     return replace(first, others=tuple(further))
 
 
+def _gpx_number(element: Element, key: str) -> float:
+    """Return a number of a point's quality; NaN where there is none."""
+    try:
+        return float(element.findtext(key) or "nan")
+    except ValueError:
+        return math.nan
+
+
 def _gpx_track(path: str, samples: SampleTable, remarks: tuple[str, ...], label: str) -> Recording:
-    lines, (time, latitude, longitude, altitude) = samples.arrays("")
+    lines, (time, latitude, longitude, altitude, *quality) = samples.arrays("")
     columns = {"latitude": np.radians(latitude), "longitude": np.radians(longitude), "altitude": altitude}
+    columns |= {name: values for name, values in zip(_QUALITY, quality, strict=True) if np.isfinite(values).any()}
     return Recording(path, "gpx", time - time[0], columns, lines, instant(float(time[0])), remarks, label=label)

@@ -37,6 +37,8 @@ FIX = re.compile(r"B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([A
 """A fix: time of day, latitude, longitude, validity, the heights of barometer and satellites."""
 _DATE = re.compile(r"H[FOP]DTE(?:DATE)?:?\s*(\d\d)(\d\d)(\d\d)")
 _ADDITION = re.compile(r"(\d\d)(\d\d)([A-Z]{3})")
+_QUALITY = {"SIU": ("satellites", 1.0), "FXA": ("h_acc", 0.5), "VXA": ("v_acc", 0.5)}
+"""Additions of quality: satellites in use, and accuracies, of which 95 % of all errors are within."""
 _MISSING = 5.0
 """The distance from the expected height beyond which a height of zero is a missing one, m."""
 
@@ -54,7 +56,7 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
     Raises:
         InputError: it holds no fixes, or none that can be read.
     """
-    samples = SampleTable(path, 6, "fix")
+    samples = SampleTable(path, 6 + len(_QUALITY), "fix")
     additions: dict[str, tuple[int, int]] = {}
     date: float | None = None
     for number, line in enumerate(map(str.strip, lines), start=1):
@@ -76,7 +78,7 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
                 samples.leave_out(number, f"{day:02}{month:02}{year:02} is no date (day, month, year)", "HFDTE")
         if number - len(samples.lines) > IDLE_MAX:
             refuse(path, number, f"has more than {IDLE_MAX} lines without a fix; cut the log to the flight")
-    numbers, (clock, latitude, longitude, gnss, baro, valid) = samples.arrays("holds no fixes (B records)")
+    numbers, (clock, latitude, longitude, gnss, baro, valid, *quality) = samples.arrays("holds no fixes (B records)")
     remarks = list(samples.remarks)
     if not np.any(gnss):
         remarks.append("heights are those of the barometer, in the standard atmosphere")
@@ -88,6 +90,9 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
     time = unwrap_days(clock)
     begins = None if date is None else instant(date + float(clock[0]) % 86400.0)
     columns = {"latitude": latitude, "longitude": longitude, "altitude": altitude}
+    for (name, scale), values in zip(_QUALITY.values(), quality, strict=True):
+        if np.isfinite(values).any():
+            columns[name] = scale * values
     recording = Recording(path, "igc", time - time[0], columns, numbers, begins, barometric=barometric)
     flat = valid < 0.5
     if 0 < flat.sum() <= 0.5 * len(flat):
@@ -97,7 +102,8 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
 
 
 def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, int]]) -> tuple[float, ...] | None:
-    """Return time of day (s), latitude, longitude (rad), heights of satellites and barometer (m), 1 where it is valid.
+    """Return time of day (s), latitude, longitude (rad), heights of satellites and barometer (m), 1 where it is valid,
+    and its quality.
 
     Additions are the further digits of the second (TDS) and of the minutes of both angles (LAD, LOD). None where a
     fix names no place on the globe, or no time.
@@ -111,7 +117,8 @@ def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, i
     latitude, longitude = (math.radians(angle) for angle in angles)
     signs = 1.0 if ns == "N" else -1.0, 1.0 if ew == "E" else -1.0
     time = 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + fraction
-    return time, signs[0] * latitude, signs[1] * longitude, float(gnss), float(baro), float(validity == "A")
+    quality = [float(more.get(code, "nan")) for code in _QUALITY]
+    return time, signs[0] * latitude, signs[1] * longitude, float(gnss), float(baro), float(validity == "A"), *quality
 
 
 def _with_missing(gnss: Array, baro: Array, remarks: list[str]) -> Array:
@@ -328,7 +335,7 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
         UsageError: fitdecode is not installed.
     """
     fitdecode: Any = extra("fitdecode", "a FIT file", "fit")  # Any: it has no types
-    samples = SampleTable(path, 5, "record")
+    samples = SampleTable(path, 6, "record")
     options = {"check_crc": fitdecode.CrcCheck.DISABLED, "error_handling": fitdecode.ErrorHandling.IGNORE}
     number = 0
     try:
@@ -347,8 +354,10 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
         if len(samples.lines) < 2:
             refuse(path, 0, f"is a damaged FIT file: {why}")
         samples.leave_out(number + 1, f"is damaged: {why}", "rest")
-    numbers, (time, latitude, longitude, altitude, speed) = samples.arrays("holds no records with time and place")
-    columns = {"latitude": latitude, "longitude": longitude, "altitude": altitude, "V_G": speed}
+    numbers, (time, latitude, longitude, altitude, speed, accuracy) = samples.arrays(
+        "holds no records with time and place"
+    )
+    columns = {"latitude": latitude, "longitude": longitude, "altitude": altitude, "V_G": speed, "h_acc": accuracy}
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     remarks = (*samples.remarks, "times are whole seconds, as FIT writes them")
     return Recording(path, "fit", time - time[0], columns, numbers, instant(float(time[0])), remarks)
@@ -361,7 +370,7 @@ def _append(samples: SampleTable, number: int, values: dict[str, Any]) -> None: 
         return
     place = [_number(values.get(name)) * SEMICIRCLE for name in ("position_lat", "position_long")]
     altitude, speed = (_enhanced_value(values, name) for name in ("altitude", "speed"))
-    samples.append(number, when.timestamp(), *place, altitude, speed)
+    samples.append(number, when.timestamp(), *place, altitude, speed, _number(values.get("gps_accuracy")))
 
 
 def _enhanced_value(values: dict[str, Any], name: str) -> float:

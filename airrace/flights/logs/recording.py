@@ -55,7 +55,8 @@ class Recording:
         unsaid: columns whose units the log does not say.
         mapped: columns with a scale or zero from a mapping.
         barometric: whether its heights are those of a barometer.
-        accuracy: standard deviation of an error that all positions share, or that wanders for seconds, m.
+        accuracy: standard deviation of all that positions are off by together, or for seconds, m, as it is stated; None
+            for what the log says itself, see `quality`.
         label: of the aircraft or track, where there are others.
     """
 
@@ -70,7 +71,7 @@ class Recording:
     unsaid: tuple[str, ...] = ()
     mapped: tuple[str, ...] = ()
     barometric: bool = False
-    accuracy: float = 0.0
+    accuracy: float | None = None
     label: str = ""
 
     def select(self, rows: NDArray[np.bool_], *remarks: str) -> "Recording":

@@ -1,7 +1,8 @@
 """Violations of the rules in a recorded run, and the penalties for them.
 
-A passing is measured by the conditions that its element sets to an optimum. A violation that is smaller than three
-standard deviations of its measurement is uncertain.
+A passing is measured by the conditions that its element sets to an optimum. Places and heights are judged by what all
+passings tell of the errors that they share (`errors`), all else by its own standard deviation. Where a measure has
+several limits, more of it is never judged more mildly: a harsher rule replaces a milder one only where it is certain.
 """
 
 import math
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from airrace.flights.logs.errors import CommonErrors, Window
 from airrace.flights.results import Flight, TimedCrossing
 from airrace.flights.results.clearances import at_row, distances
 from airrace.flights.results.flight import legs_of
@@ -22,7 +24,6 @@ from airrace.model.track.element import Element
 from airrace.model.track.gates import ElementWithTolerances, Passing
 from airrace.optimal_control.quantities import KNOT, Interval
 from airrace.procedure.formulation import crossing_parameters
-from airrace.race import Race
 
 ENDS_RACE = math.inf
 """The penalty that ends the race."""
@@ -78,6 +79,12 @@ logs, so that less than one log in 10,000 accuses falsely.
 """
 
 
+COSINE_MIN = 0.1
+"""The least cosine between path and axis that is counted."""
+STEEP = math.radians(80.0)
+"""The steepest climb that is counted, rad."""
+LOAD_SAMPLING = 0.02
+"""The time between load factors that are looked at for what lasts, s."""
 MISSED_ROWS = 30
 """The approximate number of times at which the distance from a missed element is measured."""
 
@@ -150,28 +157,47 @@ DeviationsAt = Callable[[float], StandardDeviations]
 """How well a flight is known at a time of its clock, s."""
 
 
+@dataclass(frozen=True, eq=False)
+class FlightErrors:
+    """How well a flight is known.
+
+    Attributes:
+        own: at a time, beside the errors that samples share.
+        at: at a time, in all.
+        common: the errors that samples share.
+        offset: of the flight's clock on that of the recording, s.
+    """
+
+    own: DeviationsAt
+    at: DeviationsAt
+    common: CommonErrors
+    offset: float = 0.0
+
+
 def violations(
-    flight: Flight, axes: Mapping[str, float], deviations: DeviationsAt, penalties: Penalties
+    flight: Flight, axes: Mapping[str, float], errors: FlightErrors, penalties: Penalties
 ) -> tuple[Violation, ...]:
     """Return all rules that a flight would break: certain ones first, each in the order of the course.
 
     Args:
         flight: through the course.
         axes: along which axis each element was passed, rad, by the names of the passages.
-        deviations: how well the flight is known.
+        errors: how well the flight is known.
         penalties: of the season.
     """
     broken_rules: list[Violation] = []
     for crossing in flight.crossings:
-        certainty = deviations(crossing.time) if crossing.found else NOT_KNOWN
-        if not crossing.found and (missed := _missed(flight, crossing, deviations, penalties)):
+        if crossing.found:
+            passing = _Passing(flight, crossing, axes.get(crossing.name, 0.0), errors, penalties)
+            broken_rules += passing.violations()
+        elif missed := _missed(flight, crossing, errors.at, penalties):
             broken_rules.append(missed)
-            continue
-        broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), certainty, penalties)
-        for rule, value, limit, deviation, unit, penalty in broken:
-            price = math.nan if penalty is None else penalty
-            broken_rules.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
-    broken_rules += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
+        else:
+            element: Element = crossing.passage.element
+            rule, penalty = ("missed", penalties.missed) if element.stands else _manoeuvre(element, penalties)
+            unknown = (math.nan,) * 4
+            broken_rules.append(Violation(crossing.name, rule, *unknown, "", math.nan if penalty is None else penalty))
+    broken_rules += [*_load_factors(flight, penalties, errors), *_distances(flight, errors)]
     return tuple(sorted(broken_rules, key=lambda violation: not violation.certain))
 
 
@@ -208,68 +234,192 @@ def height_window(element: Element, axis: float) -> Interval:
     return bounds.get("height", Interval(-depth.upper, -depth.lower))
 
 
-def _passing_violations(
-    race: Race, crossing: TimedCrossing, axis: float, standard_deviations: StandardDeviations, penalties: Penalties
-) -> Iterator[tuple[str, float, float, float, str, float | None]]:
-    """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks."""
-    element: Element = crossing.passage.element
-    manoeuvre = ("manoeuvre", penalties.manoeuvres.get(element.type_name, penalties.manoeuvre))
-    if not crossing.found:
-        rule, penalty = ("missed", penalties.missed) if element.stands else manoeuvre
-        yield rule, math.nan, math.nan, math.nan, "", penalty
-        return
-    tolerances = element.tolerances if isinstance(element, ElementWithTolerances) else None
-    element = as_judged(element)
-    bounds, bank = element.conditions(axis), element.prescribed_bank or 0.0
-    if element.two_edged and crossing.value("mu") * bank < 0.0:
-        bank = -bank
-    value = crossing.value
-    measured = crossing_values(
-        position=(value("x"), value("y"), value("z")),
-        V_K=value("V_K"),
-        q=[value(name) for name in QUATERNION],
-        place=crossing_parameters(element.frame(axis=axis, bank=bank, span=race.aircraft.airframe.b)),
-        beta_K=crossing.values.get("beta_K", 0.0),
-    )
-    values = {name: float(var) for name, var in vars(measured).items()}
+def passing_windows(flight: Flight, axes: Mapping[str, float], own: DeviationsAt, offset: float) -> list[Window]:
+    """Return what the passings of a flight measure of the errors that its samples share.
 
-    # beside: of the centre, else of the worse of the wing tips
-    right, half = values["right"], 0.5 * getattr(element, "width", math.inf)
-    tips = [name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in bounds]
-    if excess := beyond(right, bounds.get("right", Interval(-half, half))):
-        yield "missed", right, right - excess, standard_deviations.across, "m", penalties.missed
-    elif excess := max((abs(beyond(values[name], bounds[name])) for name in tips), default=0.0):
-        clearance = 0.0 if tolerances is None else tolerances.clearance
-        penalty = penalties.pylon if clearance - excess <= 0.0 else 0.0
-        yield "pylon", clearance - excess, clearance, standard_deviations.tip, "m", penalty
+    Args:
+        flight: through the course.
+        axes: along which axis each element was passed, rad, by the names of the passages.
+        own: how well it is known beside these errors.
+        offset: of the flight's clock on that of the recording, s.
+    """
+    windows: list[Window] = []
+    for crossing in flight.crossings:
+        if crossing.found and crossing.passage.element.stands:
+            measured = _MeasuredPassing(flight, crossing, axes.get(crossing.name, 0.0))
+            deviations = own(crossing.time)
+            windows.append(measured.height_window(offset, deviations.up))
+            windows.append(measured.window(measured.tips or measured.centre, offset, deviations.tip))
+    return windows
 
-    height = values["height"]
-    if excess := beyond(height, height_window(element, axis)):
+
+class _MeasuredPassing:
+    """The measures of a passing, and what its element allows.
+
+    Attributes:
+        element: as it is judged.
+        bounds: its conditions, by name.
+        values: what they are conditions of.
+        bank: that it prescribes, rad.
+        centre: of the aircraft to the right of the axis, and what is allowed of it, m; empty where nothing is.
+        tips: likewise of the wing tips.
+        clearance: of these from a pylon, m.
+    """
+
+    def __init__(self, flight: Flight, crossing: TimedCrossing, axis: float) -> None:
+        race, value = flight.race, crossing.value
+        self.crossing = crossing
+        self.element: Element = as_judged(crossing.passage.element)
+        self.bounds, self.bank = self.element.conditions(axis), self.element.prescribed_bank or 0.0
+        if self.element.two_edged and value("mu") * self.bank < 0.0:
+            self.bank = -self.bank
+        measured = crossing_values(
+            position=(value("x"), value("y"), value("z")),
+            V_K=value("V_K"),
+            q=[value(name) for name in QUATERNION],
+            place=crossing_parameters(self.element.frame(axis=axis, bank=self.bank, span=race.aircraft.airframe.b)),
+            beta_K=crossing.values.get("beta_K", 0.0),
+        )
+        self.values = {name: float(var) for name, var in vars(measured).items()}
+        self.heights = height_window(self.element, axis)
+        half = 0.5 * getattr(self.element, "width", math.inf)
+        self.centre = [(self.values["right"], self.bounds.get("right", Interval(-half, half)))]
+        tips = [name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in self.bounds]
+        self.tips = [(self.values[name], self.bounds[name]) for name in tips]
+        self.clearance = self.element.tolerances.clearance if isinstance(self.element, ElementWithTolerances) else 0.0
+        chi, gamma = value("chi"), value("gamma")
+        forward = math.copysign(max(abs(math.cos(chi - axis)), COSINE_MIN), math.cos(chi - axis))
+        slant, climb = math.sin(chi - axis) / forward, math.tan(max(-STEEP, min(STEEP, gamma))) / forward
+        along = math.cos(axis), math.sin(axis)
+        self._up = -climb * along[0], -climb * along[1], 1.0
+        self._right = -math.sin(axis) - slant * along[0], math.cos(axis) - slant * along[1], 0.0
+        if "beside_right" in self.bounds:
+            self._right = -math.sin(chi), math.cos(chi), 0.0
+
+    def height_window(self, offset: float, deviation: float) -> Window:
+        """Return the errors of the height with which it is legal."""
+        height = self.values["height"]
+        return self._window(self._up, height - self.heights.upper, height - self.heights.lower, offset, deviation)
+
+    def window(self, allowed: Sequence[tuple[float, Interval]], offset: float, deviation: float) -> Window:
+        """Return the errors across the axis with which some of its measures are within their limits."""
+        lower = max(value - limits.upper for value, limits in allowed)
+        upper = min(value - limits.lower for value, limits in allowed)
+        if lower > upper:  # the wing is wider than the gate; a bank of the path is known badly
+            lower = upper = 0.5 * (lower + upper)
+        return self._window(self._right, lower, upper, offset, deviation)
+
+    def _window(
+        self, direction: tuple[float, float, float], lower: float, upper: float, offset: float, deviation: float
+    ) -> Window:
+        crossing = self.crossing
+        gate = crossing.passage.element.name
+        return Window(crossing.name, gate, offset + crossing.time, direction, lower, upper, deviation)
+
+
+class _Passing:
+    """A passing before the rules."""
+
+    def __init__(
+        self, flight: Flight, crossing: TimedCrossing, axis: float, errors: FlightErrors, penalties: Penalties
+    ) -> None:
+        self._measured = _MeasuredPassing(flight, crossing, axis)
+        self._race, self._crossing, self._errors, self._penalties = flight.race, crossing, errors, penalties
+        self._own, self._in_all = errors.own(crossing.time), errors.at(crossing.time)
+
+    def violations(self) -> list[Violation]:
+        """Return all that it breaks."""
+        broken = [*self._beside(), *self._height(), *self._angles()]
+        return broken + self._start_speed()
+
+    def _violation(
+        self, rule: str, value: float, limit: float, deviation: float, unit: str, penalty: float | None
+    ) -> Violation:
+        price = math.nan if penalty is None else penalty
+        return Violation(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, price)
+
+    def _beside(self) -> list[Violation]:
+        """Return what the aircraft passes too far aside: with its wing within the clearance, on a pylon, outside."""
+        measured, penalties, levels = self._measured, self._penalties, list[Violation]()
+        clearance = measured.clearance
+        touching = [
+            (value, Interval(limits.lower - clearance, limits.upper + clearance)) for value, limits in measured.tips
+        ]
+        for rule, allowed, deviation, gap, penalty in (
+            ("pylon", measured.tips, self._own.tip, clearance, 0.0),
+            ("pylon", touching, self._own.tip, 0.0, penalties.pylon),
+            ("missed", measured.centre, self._own.across, math.nan, penalties.missed),
+        ):
+            if not allowed:
+                continue
+            judged = self._errors.common.judge(measured.window(allowed, self._errors.offset, deviation))
+            excess = max((beyond(value - judged.shift, limits) for value, limits in allowed), key=abs)
+            if excess == 0.0:
+                continue
+            known = abs(excess) / judged.deviations if judged.deviations > 0.0 else math.nan
+            value = measured.centre[0][0] - judged.shift if rule == "missed" else gap - abs(excess)
+            limit = value - excess if rule == "missed" else gap
+            levels.append(self._violation(rule, value, limit, known, "m", penalty))
+        return severest(levels)
+
+    def _height(self) -> list[Violation]:
+        measured, penalties = self._measured, self._penalties
+        judged = self._errors.common.judge(measured.height_window(self._errors.offset, self._own.up))
+        height = measured.values["height"] - judged.shift
+        excess = beyond(height, measured.heights)
+        if excess == 0.0:
+            return []
+        known = abs(excess) / judged.deviations if judged.deviations > 0.0 else math.nan
         too = ("too-high", penalties.too_high) if excess > 0.0 else ("too-low", penalties.too_low)
-        rule, penalty = too if element.stands else manoeuvre
-        yield rule, height, height - excess, standard_deviations.up, "m", penalty
+        rule, penalty = too if measured.element.stands else _manoeuvre(measured.element, penalties)
+        return [self._violation(rule, height, height - excess, known, "m", penalty)]
 
-    sine, path = values["climb_sine"], math.degrees(standard_deviations.path)
-    if excess := beyond(sine, bounds.get("climb_sine", Interval())):
-        climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, number)))) for number in (sine, sine - excess))
-        yield "climb", climb, limit, path, "deg", penalties.climb
-    allowed: list[tuple[str, float, float, float, float | None]] = []
-    if tolerances is not None and element.prescribed_bank is not None:
-        angle = angle_between(bank, crossing.value("mu"))
-        allowed.append(("bank", angle, tolerances.bank, math.degrees(standard_deviations.bank), penalties.bank))
-    if tolerances is not None and {"course_excess_right", "course_excess_left"} <= set(bounds):
-        angle = math.atan2(values["course_sine"], values["course_cosine"])
-        allowed.append(("course", angle, tolerances.crossing, path, None))
-    for rule, angle, most, deviation, penalty in allowed:
-        angle, most = math.degrees(angle), math.degrees(most)
-        if abs(angle) > most:
-            yield rule, angle, math.copysign(most, angle), deviation, "deg", penalty
+    def _angles(self) -> Iterator[Violation]:
+        measured, penalties, element = self._measured, self._penalties, self._measured.element
+        values, bounds, path = measured.values, measured.bounds, math.degrees(self._in_all.path)
+        sine = values["climb_sine"]
+        if excess := beyond(sine, bounds.get("climb_sine", Interval())):
+            climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, number)))) for number in (sine, sine - excess))
+            yield self._violation("climb", climb, limit, path, "deg", penalties.climb)
+        if not isinstance(element, ElementWithTolerances):
+            return
+        allowed: list[tuple[str, float, float, float, float | None]] = []
+        if element.prescribed_bank is not None:
+            angle, bank = angle_between(measured.bank, self._crossing.value("mu")), math.degrees(self._in_all.bank)
+            allowed.append(("bank", angle, element.tolerances.bank, bank, penalties.bank))
+        if {"course_excess_right", "course_excess_left"} <= set(bounds):
+            angle = math.atan2(values["course_sine"], values["course_cosine"])
+            allowed.append(("course", angle, element.tolerances.crossing, path, None))
+        for rule, angle, most, deviation, penalty in allowed:
+            angle, most = math.degrees(angle), math.degrees(most)
+            if abs(angle) > most:
+                yield self._violation(rule, angle, math.copysign(most, angle), deviation, "deg", penalty)
 
-    speed = crossing.value(START_SPEEDS[race.course.rules.start_speed])
-    if excess := beyond(speed, crossing.passage.speed):
+    def _start_speed(self) -> list[Violation]:
+        penalties, deviation = self._penalties, self._in_all.speed / KNOT
+        speed = self._crossing.value(START_SPEEDS[self._race.course.rules.start_speed])
+        allowed, levels = self._crossing.passage.speed, list[Violation]()
+        if excess := beyond(speed, allowed):
+            limit = (speed - excess) / KNOT
+            levels.append(self._violation("start-speed", speed / KNOT, limit, deviation, "kt", penalties.start_speed))
         ends = penalties.start_speed_end
-        penalty = math.inf if ends is not None and speed > ends else penalties.start_speed
-        yield "start-speed", speed / KNOT, (speed - excess) / KNOT, standard_deviations.speed / KNOT, "kt", penalty
+        if excess and ends is not None and speed > ends:
+            levels.append(self._violation("start-speed", speed / KNOT, ends / KNOT, deviation, "kt", ENDS_RACE))
+        return severest(levels)
+
+
+def severest(levels: Sequence[Violation]) -> list[Violation]:
+    """Return which of the limits that one measure exceeds count: the harshest certain one, and harsher ones.
+
+    Args:
+        levels: from the mildest to the harshest.
+    """
+    certain = [number for number, violation in enumerate(levels) if violation.certain]
+    return list(levels[certain[-1] if certain else -1 :])
+
+
+def _manoeuvre(element: Element, penalties: Penalties) -> tuple[str, float | None]:
+    return "manoeuvre", penalties.manoeuvres.get(element.type_name, penalties.manoeuvre)
 
 
 def beyond(value: float, allowed: Interval) -> float:
@@ -307,27 +457,36 @@ def _missed(
     return min(misses, key=lambda miss: miss.deviations)
 
 
-def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt) -> Iterator[Violation]:
-    """Yield the load factor where it is too large for too long, and where it ends the race."""
-    if "n_z" not in flight:
-        return
-    n_z, time = flight["n_z"], flight.time
-    highest = np.flatnonzero(n_z == np.nanmax(n_z))
-    row = int(highest[len(highest) // 2])
-    most, when = float(n_z[row]), float(time[row])
-    deviation = deviations(when).load
-    if penalties.load_factor_end is not None and most > penalties.load_factor_end:
-        yield Violation("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
-        return
+def _load_factors(flight: Flight, penalties: Penalties, errors: FlightErrors) -> list[Violation]:
+    """Return the load factor where it is too large for too long, and where it ends the race.
+
+    What lasts is the highest load factor that is exceeded all along the time that the rules name.
+    """
+    if "n_z" not in flight or not np.isfinite(flight["n_z"]).any():
+        return []
+    finite = np.isfinite(flight["n_z"])
+    time = np.arange(flight.time[0], flight.time[-1], LOAD_SAMPLING)
+    n_z = np.interp(time, flight.time[finite], flight["n_z"][finite])
+    levels: list[Violation] = []
     limit = penalties.load_factor_from or flight.course.rules.n_z.upper
-    turns = np.flatnonzero(np.diff(np.concatenate(([False], n_z > limit, [False])).astype(int)))
-    lasting = time[turns[1::2] - 1] - time[turns[::2]]
-    if len(lasting) and lasting.max() >= penalties.load_factor_time:
-        penalty = math.nan if penalties.load_factor is None else penalties.load_factor
-        yield Violation("", "load-factor", when, most, limit, deviation, "g", penalty)
+    for lasting, most, penalty in (
+        (penalties.load_factor_time, limit, penalties.load_factor),
+        (0.0, penalties.load_factor_end, ENDS_RACE),
+    ):
+        count = round(lasting / LOAD_SAMPLING) + 1
+        if most is None or count > len(n_z):
+            continue
+        exceeded = np.lib.stride_tricks.sliding_window_view(n_z, count).min(axis=1)
+        highest = np.flatnonzero(exceeded == exceeded.max())
+        row = int(highest[len(highest) // 2]) + count // 2
+        value, when = float(exceeded.max()), float(time[row])
+        if value > most:
+            price = math.nan if penalty is None else penalty
+            levels.append(Violation("", "load-factor", when, value, most, errors.at(when).load, "g", price))
+    return severest(levels)
 
 
-def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
+def _distances(flight: Flight, errors: FlightErrors) -> Iterator[Violation]:
     """Yield what the flight came too near to: obstacles, people, safety lines, borders, floor and ceiling."""
     legs = {leg.number: leg.rows for leg in legs_of(flight)}
     for distance in distances(flight):
@@ -337,11 +496,23 @@ def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
         if distance.legs is not None:
             rows = np.concatenate([legs[number] for number in sorted(distance.legs)])
         rows = rows[np.isfinite(distance.values[rows])]
-        if len(rows):
-            row = int(rows[int(np.argmin(distance.values[rows]))])
-            nearest = at_row(flight, distance, row)
-            if nearest.margin < 0.0:
-                rule = distance.kind.replace(" ", "-")
-                certainty = deviations(nearest.time)
-                deviation = certainty.up if rule in ("floor", "ceiling") else certainty.across
-                yield Violation("", rule, nearest.time, nearest.distance, distance.required, deviation, "m", math.nan)
+        if not len(rows):
+            continue
+        row = int(rows[int(np.argmin(distance.values[rows]))])
+        nearest = at_row(flight, distance, row)
+        if nearest.margin >= 0.0:
+            continue
+        rule, own = distance.kind.replace(" ", "-"), errors.own(nearest.time)
+        north, east = -math.sin(float(flight["chi"][row])), math.cos(float(flight["chi"][row]))
+        directions, deviation = [(north, east, 0.0), (-north, -east, 0.0)], own.across  # the nearest is beside the path
+        if rule in ("floor", "ceiling"):
+            directions, deviation = [(0.0, 0.0, 1.0 if rule == "floor" else -1.0)], own.up
+        when = errors.offset + nearest.time
+        windows = [Window("", "", when, direction, -math.inf, nearest.margin, deviation) for direction in directions]
+        judgements = [errors.common.judge(window) for window in windows]
+        judged = min(judgements, key=lambda judgement: judgement.deviations)
+        excess = judged.shift - nearest.margin
+        if excess > 0.0:
+            value = nearest.distance - judged.shift
+            known = excess / judged.deviations if judged.deviations > 0.0 else math.nan
+            yield Violation("", rule, nearest.time, value, distance.required, known, "m", math.nan)

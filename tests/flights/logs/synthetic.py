@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from airrace.files.inputs import load_inputs
+from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
 from airrace.flights.logs.violations import NONE_KNOWN, Penalties
@@ -166,8 +167,8 @@ def flown(hz: float, seed: int, noise: float = 1.5) -> LogFlight:
     return imported(csv_text(fixes(hz, seed=seed, noise=noise)))
 
 
-def imported(text: str, penalties: Penalties = NONE_KNOWN) -> LogFlight:
+def imported(text: str, penalties: Penalties = NONE_KNOWN, accuracy: float | None = None) -> LogFlight:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
         path.write_text(text)
-        return flight_from_log(read_log(path), race(), label="log", penalties=penalties)
+        return flight_from_log(read_log(path, ColumnLayout(accuracy=accuracy)), race(), label="log", penalties=penalties)

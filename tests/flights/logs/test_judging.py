@@ -10,12 +10,15 @@ from synthetic import Fixes, csv_text, fixes, flown, imported, known
 
 from airrace.files.inputs import load_inputs
 from airrace.files.inputs.rules import preset_names
+from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import between_samples
+from airrace.flights.logs.quality import ReceiverAccuracy
 from airrace.flights.logs.recording import Recording
 from airrace.flights.logs.violations import (
     ENDS_RACE,
     NONE_KNOWN,
     NOT_KNOWN,
+    FlightErrors,
     Penalties,
     Violation,
     select_violations,
@@ -25,6 +28,8 @@ from airrace.flights.results import Basis, Flight, History, Source, TimedCrossin
 from airrace.optimal_control.quantities import Quantity
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
+ACCURATE = 0.02
+"""The accuracy of positions that are exact but for their noise, m."""
 RULES = Penalties(pylon=3.0, missed=4.0, too_high=2.0, too_low=ENDS_RACE, bank=2.0, climb=2.0, start_speed=1.0)
 
 
@@ -35,7 +40,7 @@ def near(passing: str, width: float = 0.8) -> np.ndarray:
 
 
 def certain(seen: Fixes) -> list[tuple[str, str, float]]:
-    found = imported(csv_text(seen), RULES).violations
+    found = imported(csv_text(seen), RULES, ACCURATE).violations
     return [(one.passing, one.rule, one.penalty) for one in found if one.certain]
 
 
@@ -46,10 +51,10 @@ def with_columns(seen: Fixes, header: str, *columns: np.ndarray) -> str:
 
 
 def test_a_gate_passed_too_high_too_low_beside_or_too_fast_costs_its_penalty() -> None:
-    high = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), RULES)
+    high = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), RULES, ACCURATE)
     (breach,) = [one for one in high.violations if one.rule == "too-high" and one.passing == "1:g4"]
     at = next(one for one in high.flight.crossings if one.name == "1:g4")
-    assert (breach.value, breach.limit, breach.unit) == (at.value("height"), 25.0, "m")
+    assert (breach.value, breach.limit, breach.unit) == (pytest.approx(at.value("height"), abs=ACCURATE), 25.0, "m")
     assert (breach.time, breach.penalty, breach.certain) == (at.time, 2.0, True)
     low = replace(EXACT, height=EXACT.height - 5.0 * near("1:g4"))
     assert ("1:g4", "too-low", ENDS_RACE) in certain(low)
@@ -66,7 +71,7 @@ def test_a_recorded_bank_is_judged_and_an_estimate_is_not_certain() -> None:
     roll = np.degrees(known().at("mu", EXACT.time)) + 40.0 * rolled
     heading = np.degrees(np.interp(EXACT.time, known().time, np.unwrap(known().histories["chi"])))
     text = with_columns(EXACT, "roll [deg],pitch [deg],heading [deg]", roll, 0.0 * roll, heading)
-    one = imported(text, RULES)
+    one = imported(text, RULES, ACCURATE)
     assert one.flight.basis("phi") is Basis.MEASURED
     given = np.interp(one.flight.time + known().passings["0:g0"], EXACT.time, roll)
     off = np.remainder(np.degrees(one.flight["phi"]) - given + 180.0, 360.0) - 180.0
@@ -195,8 +200,9 @@ def test_violations_come_with_the_certain_ones_first() -> None:
 
 @pytest.mark.parametrize("noise", [0.02, 0.5])
 def test_passings_are_known_worse_where_samples_are_missing(noise: float) -> None:
-    gap = (known().passings["1:g4"] - 0.6, known().passings["1:g4"] + 0.6)
-    whole, broken = (imported(csv_text(fixes(10.0, noise=noise, gap=one))) for one in ((0.0, 0.0), gap))
+    around = (known().passings["1:g4"] - 0.6, known().passings["1:g4"] + 0.6)
+    texts = [csv_text(fixes(10.0, noise=noise, gap=gap)) for gap in ((0.0, 0.0), around)]
+    whole, broken = (imported(text, accuracy=ACCURATE) for text in texts)
     for name in ("across", "up", "time"):
         assert getattr(broken.known["1:g4"], name) > 2.0 * getattr(whole.known["1:g4"], name)
         assert getattr(broken.known["1:g1#2"], name) == pytest.approx(getattr(whole.known["1:g1#2"], name), rel=0.05)
@@ -221,9 +227,12 @@ def test_a_turn_that_stays_too_low_costs_less_than_a_roll() -> None:
     """Air Race X: 2 s and 3 s (airracex.com/regulations)."""
     given = load_inputs("air_race_x_2024")
     time = np.linspace(0.0, 1.0, 3)
-    histories = {name: History(Quantity(name, "m"), np.zeros(3), Basis.DERIVED) for name in ("x", "y", "z", "height")}
+    names = ("x", "y", "z", "height", "chi")
+    histories = {name: History(Quantity(name, "m"), np.zeros(3), Basis.DERIVED) for name in names}
     missed = tuple(TimedCrossing(passage, math.nan, {}) for passage in given.race.course.passages)
     flight = Flight(given.race, Source("log"), time, histories, missed)
-    found = violations(flight, {}, lambda _: NOT_KNOWN, given.penalties)
+    accuracy = ReceiverAccuracy(np.ones(3), np.ones(3), "")
+    errors = FlightErrors(lambda _: NOT_KNOWN, lambda _: NOT_KNOWN, CommonErrors(time, accuracy))
+    found = violations(flight, {}, errors, given.penalties)
     costs = {one.passing.partition(":")[2]: one.penalty for one in found if one.rule == "manoeuvre"}
     assert costs == {"top": 2.0, "roll/begin": 3.0, "roll": 3.0}

@@ -15,7 +15,7 @@ from airrace.flights.logs.reading import read_log
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
 
 
-def imported(text: str, folder: Path, accuracy: float = 0.0) -> LogFlight:
+def imported(text: str, folder: Path, accuracy: float | None = None) -> LogFlight:
     path = folder / "log.csv"
     path.write_text(text)
     return flight_from_log(read_log(path, ColumnLayout(accuracy=accuracy)), race(), label="log")
@@ -26,7 +26,7 @@ def test_nothing_is_certain_that_the_stated_accuracy_explains(
     shift: tuple[float, float, float], tmp_path: Path
 ) -> None:
     off = Fixes(EXACT.time, EXACT.north + shift[0], EXACT.east + shift[1], EXACT.height + shift[2])
-    without, told = (imported(csv_text(off), tmp_path, accuracy) for accuracy in (0.0, 3.0))
+    without, told = (imported(csv_text(off), tmp_path, accuracy) for accuracy in (0.02, 3.0))
     assert any(one.certain for one in without.violations)
     assert not any(one.certain for one in told.violations)
 

@@ -1,0 +1,335 @@
+"""Errors that neighbouring samples share: offsets and slow drifts of a log, estimated from all its passings together.
+
+The recorded position is off by `e(t)`, by axis a Gaussian process: what all samples share (a survey of the course, the
+zero of the heights) and what wanders (a slow receiver, first-order Gauss-Markov),
+
+    cov(e(t), e(u)) = o^2 + d(t) d(u) exp(-|t - u| / tau)
+
+The pilot meant to fly through the gates. So every passing measures `e` along one direction: between `lower` and `upper`
+it is legal, with a deviation of its own, and beyond costs the square of its deviations, but never more than a breach
+does, for a pilot may miss a gate. With `a` for these `e`, of covariance `K`, and `r_j` for the deviations beyond,
+
+    J(a) = a' K^-1 a / 2 + sum_j c (1 - exp(-r_j^2 / (2 c)))
+
+Whether a passing is a breach is a likelihood ratio: by how much `J` of all others has to grow for it to be legal,
+
+    D^2 = 2 (min J with the passing within its limits - min J without it)
+
+With windows of no width and without breaches that is the usual test: the distance from what the others predict, over
+the standard deviation of the prediction. `docs/flown_logs.md` derives it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from airrace.flights.logs.quality import VERTICAL_RATIO, ReceiverAccuracy
+from airrace.optimal_control.trajectory import Array
+
+HEIGHT_OFFSET = 10.0
+"""The standard deviation of an error that all heights share, where no accuracy is stated, m: geoid, QNH, the zero."""
+PLACE_OFFSET = 10.0
+"""That of all places, north and east, m: a course drawn on a map, or surveyed by another receiver."""
+BAROMETER = 70.0
+"""The standard deviation of heights by the standard atmosphere, m: of 8 hPa."""
+DRIFT = 1.5
+"""The standard deviation of what wanders where the log says nothing of its quality, m; heights by `VERTICAL_RATIO`."""
+DRIFT_TIME = 20.0
+"""The time constant of what wanders, s."""
+BREACH_COST = 8.0
+"""What a breach costs, the negative logarithm of its probability (1 in 3000). Two passings of which one has to be a
+breach are four deviations apart, so that neither is certain; a third one decides."""
+GATE_DISPLACEMENT = 10.0
+"""The standard deviation of the place of a gate that does not stand where the file has it, m."""
+DISPLACEMENT_GAIN = 1.5 * BREACH_COST
+"""The gain from which on a gate is taken to stand elsewhere: more than one breach."""
+OFFSET_REPORTED = 0.2
+"""The offset from which on it is reported, m."""
+DEVIATION_MIN = 1e-3
+"""The least deviation of a passing, m."""
+BREACH_SHARE = 0.1
+"""The share of its weight below which a passing counts as a breach."""
+GRADUATIONS, STEPS, SETTLED = 4, 30, 1e-3
+"""The steps by tenths from a cost that is nearly quadratic to the true one, the iterations of each at most, and the
+change of the cost at which they end."""
+_LIMITS = ("lower", "upper", "deviation")
+
+
+@dataclass(frozen=True)
+class Window:
+    """What a passing measures of the errors, along one direction.
+
+    Attributes:
+        passing, gate: names of the passage and of what stands there.
+        time: on the clock of the recording, s.
+        direction: how the measure goes with the error, north, east and up; of a path that is slanted to the line at
+            which it is measured an error along that moves the passing, too.
+        lower, upper: the errors with which the passing is legal, m.
+        deviation: by which it is known beside the common errors, m.
+    """
+
+    passing: str
+    gate: str
+    time: float
+    direction: tuple[float, float, float]
+    lower: float
+    upper: float
+    deviation: float
+
+    @property
+    def is_height(self) -> bool:
+        """Whether it is one of heights, else one over ground."""
+        return self.direction[2] != 0.0
+
+    @property
+    def informative(self) -> bool:
+        """Whether it limits the errors at all."""
+        return math.isfinite(self.deviation) and (math.isfinite(self.lower) or math.isfinite(self.upper))
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How a passing is judged: the error at it as the others tell, m, and by how many deviations it is no legal one."""
+
+    shift: float
+    deviations: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The errors of the least cost, `K force`, and the share of its weight that every row has there."""
+
+    cost: float
+    force: Array
+    share: Array
+
+
+class CommonErrors:
+    """The errors that the samples of a log share.
+
+    Args:
+        time: of the samples, s, shape (n,).
+        accuracy: of the receiver, at these times.
+        stated: whether the user states the accuracy, which then includes offsets.
+        barometric: whether heights are those of a barometer.
+        windows: what the passings measure of the errors beyond the registration.
+        registration: by which all samples are taken to be off, and have been moved, north, east and up, m, shape (3,).
+    """
+
+    def __init__(
+        self,
+        time: Array,
+        accuracy: ReceiverAccuracy,
+        *,
+        stated: bool = False,
+        barometric: bool = False,
+        windows: Sequence[Window] = (),
+        registration: Array | None = None,
+    ) -> None:
+        self._time, self._accuracy, self._stated, self._barometric = time, accuracy, stated, barometric
+        place, height = (0.0, 0.0) if stated else (PLACE_OFFSET, HEIGHT_OFFSET)
+        self._offsets = place, math.hypot(height, BAROMETER if barometric else 0.0)
+        self.registration = np.zeros(3) if registration is None else registration
+        self.windows = [self._in_all(window) for window in windows if window.informative]
+        self.displaced: Mapping[str, tuple[float, float]] = {}
+        self._evaluate()
+        self.displaced = self._displacements()
+        if self.displaced:
+            self._evaluate()
+
+    def with_windows(self, windows: Sequence[Window], registration: Array) -> "CommonErrors":
+        """Return the errors as the passings of the registered flight measure them."""
+        return CommonErrors(
+            self._time,
+            self._accuracy,
+            stated=self._stated,
+            barometric=self._barometric,
+            windows=windows,
+            registration=registration,
+        )
+
+    def drift(self, time: float) -> tuple[float, float]:
+        """Return the standard deviations of what wanders, over ground and of heights, m."""
+        if not self._accuracy.source:
+            return DRIFT, VERTICAL_RATIO * DRIFT
+        across, up = (np.interp(time, self._time, values) for values in (self._accuracy.across, self._accuracy.up))
+        return float(across), float(up)
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Return mean and covariance of the errors of the registered flight at a time, m and m^2.
+
+        Where the limits leave the errors free an error is as likely anywhere between them; what pilots prefer, such as
+        the lower edge of a gate, is common to passings.
+
+        Returns:
+            north, east and up, shapes (3,) and (3, 3).
+        """
+        axes = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        points = [Window("", "", time, axis, -math.inf, math.inf, 0.0) for axis in axes]
+        towards = self._covariance(points, self.windows)
+        gain = towards[:, self._limiting]
+        covariance = self._covariance(points, points) - gain @ self._information @ gain.T
+        return towards @ self._fit.force - self.registration, covariance
+
+    @property
+    def offset(self) -> Array:
+        """The error in the mean over the passings, north, east and up, m, shape (3,)."""
+        times = {window.time for window in self.windows}
+        return np.mean([self.at(time)[0] for time in times], axis=0) + self.registration if times else np.zeros(3)
+
+    def judge(self, window: Window) -> Judgement:
+        """Return how a passing, or an instant, of the registered flight is judged by all other passings."""
+        if not math.isfinite(window.deviation):
+            return Judgement(0.0, 0.0)
+        judged, registered = self._in_all(window), float(self.registration @ window.direction)
+        rows = [
+            row
+            for row, other in enumerate(self.windows)
+            if (other.passing, other.is_height) != (window.passing, window.is_height)
+        ]
+        start = self._fit.force[rows]
+        without = self._least(rows, None, start)
+        towards = self._covariance([judged], [self.windows[row] for row in rows])[0]
+        shift = float(towards @ without.force)
+        if judged.lower <= shift <= judged.upper:
+            return Judgement(shift - registered, 0.0)
+        within = self._least(rows, judged, np.append(without.force, 0.0))
+        without = min(without, self._least(rows, None, within.force[:-1]), key=lambda fit: fit.cost)
+        return Judgement(shift - registered, math.sqrt(max(2.0 * (within.cost - without.cost), 0.0)))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on the offsets and displacements that the passings show."""
+        remarks: list[str] = []
+        north, east, up = self.offset.tolist()
+        if abs(up) > OFFSET_REPORTED:
+            side = "high" if up > 0.0 else "low"
+            remarks.append(
+                f"almost all passings are about {abs(up):.2g} m too {side}: are heights in another unit, or of another "
+                "zero?"
+            )
+        if math.hypot(north, east) > OFFSET_REPORTED:
+            remarks.append(
+                f"almost all passings are about {_direction(north, east)} of the course: was it surveyed otherwise?"
+            )
+        if self.registration.any():
+            remarks.append("the flight is moved by as much before it is judged")
+        for gate, (north, east) in self.displaced.items():
+            remarks.append(
+                f"{gate} seems to stand {_direction(north, east)} of its place in the course's file: so its passings "
+                "agree, and so they are judged"
+            )
+        return tuple(remarks)
+
+    def _in_all(self, window: Window) -> Window:
+        """Return a window of the registered flight as one of all errors."""
+        registered = float(self.registration @ window.direction)
+        deviation = max(window.deviation, DEVIATION_MIN)
+        return replace(window, lower=window.lower + registered, upper=window.upper + registered, deviation=deviation)
+
+    def _covariance(self, rows: Sequence[Window], columns: Sequence[Window]) -> Array:
+        """Return the covariance of the errors along the directions of windows, m^2."""
+        (row_time, row_axes, row_drift), (column_time, column_axes, column_drift) = (
+            (
+                np.array([window.time for window in windows]),
+                np.array([window.direction for window in windows]).reshape(-1, 3),
+                np.array([self.drift(window.time) for window in windows]).reshape(-1, 2),
+            )
+            for windows in (rows, columns)
+        )
+        kept = np.exp(-np.abs(row_time[:, None] - column_time) / DRIFT_TIME)
+        ground, height = row_axes[:, :2] @ column_axes[:, :2].T, row_axes[:, 2:] @ column_axes[:, 2:].T
+        covariance = np.zeros_like(kept)
+        for kind, along in enumerate((ground, height)):
+            covariance += along * (self._offsets[kind] ** 2 + row_drift[:, kind, None] * column_drift[:, kind] * kept)
+        for gate in self.displaced:
+            stands = [np.array([window.gate == gate for window in windows], float) for windows in (rows, columns)]
+            covariance += GATE_DISPLACEMENT**2 * np.outer(*stands) * ground
+        return covariance
+
+    def _evaluate(self) -> None:
+        """Find the errors of the least cost, and what their covariance is made of."""
+        self._K = self._covariance(self.windows, self.windows)
+        self._fit = self._least(list(range(len(self.windows))))
+        self._limiting = [
+            row
+            for row, window in enumerate(self.windows)
+            if self._fit.share[row] > BREACH_SHARE and math.isfinite(window.upper - window.lower)
+        ]
+        windows = [self.windows[row] for row in self._limiting]
+        free = np.array([0.5 * max(window.upper - window.lower, 0.0) for window in windows])
+        own = np.array([window.deviation for window in windows])
+        scatter = np.diag(own**2 + free**2 / 3.0) + np.outer(free, free) / 3.0
+        self._information = np.linalg.inv(self._K[np.ix_(self._limiting, self._limiting)] + scatter)
+
+    def _displacements(self) -> dict[str, tuple[float, float]]:
+        """Return by how much gates stand beside the file, north and east, m, that several passings miss likewise."""
+        plain, moved = self._fit, dict[str, tuple[float, float]]()
+        ground = [row for row, window in enumerate(self.windows) if not window.is_height]
+        for gate in dict.fromkeys(self.windows[row].gate for row in ground):
+            rows = [row for row in ground if self.windows[row].gate == gate]
+            if np.count_nonzero(plain.share[rows] < BREACH_SHARE) < 2:
+                continue
+            self.displaced = {gate: (0.0, 0.0)}
+            self._evaluate()
+            if plain.cost - self._fit.cost > DISPLACEMENT_GAIN:
+                pull = self._fit.force[rows] @ np.array([self.windows[row].direction[:2] for row in rows])
+                north, east = (GATE_DISPLACEMENT**2 * pull).tolist()
+                moved[gate] = (north, east)
+            self.displaced = {}
+        self._evaluate()
+        return moved
+
+    def _least(self, rows: Sequence[int], legal: Window | None = None, *starts: Array) -> _Fit:
+        """Return the errors of the least cost, with one more passing that is legal for certain.
+
+        The cost is not convex. It is minimised by Newton's method from no error, from other starts and, by graduated
+        non-convexity, from the minimum of a cost that is nearly quadratic; the best counts.
+
+        Args:
+            rows: the windows that count.
+            legal: the further passing, the last row of the result.
+            starts: forces to start from.
+        """
+        windows = [*(self.windows[row] for row in rows), *((legal,) if legal else ())]
+        count = len(windows)
+        if not count:
+            return _Fit(0.0, np.zeros(0), np.zeros(0))
+        K = np.empty((count, count))
+        K[: len(rows), : len(rows)] = self._K[np.ix_(rows, rows)]
+        if legal:
+            K[-1] = K[:, -1] = self._covariance([legal], windows)[0]
+        lower, upper, sigma = (np.array([getattr(window, name) for window in windows]) for name in _LIMITS)
+        unit, hard = np.eye(count), np.arange(count) == (count - 1 if legal else -1)
+        best = _Fit(math.inf, np.zeros(count), np.ones(count))
+        for number, start in enumerate((np.zeros(count), np.zeros(count), *starts)):
+            powers = range(GRADUATIONS, -1, -1) if number == 0 else (0,)
+            force, weight = start, np.zeros(count)
+            for cost in (BREACH_COST * 10.0**power for power in powers):
+                before = math.inf
+                for _ in range(STEPS):
+                    error = K @ force
+                    nearest = np.minimum(np.maximum(error, lower), upper)
+                    square = 0.5 * ((error - nearest) / sigma) ** 2
+                    share = np.where(hard, 1.0, np.exp(-square / BREACH_COST))
+                    paid = np.where(hard, square, BREACH_COST * (1.0 - share))
+                    total = 0.5 * float(force @ error) + float(paid.sum())
+                    if total < best.cost:
+                        best = _Fit(total, force, share)
+                    if abs(total - before) < SETTLED:
+                        break
+                    before = total
+                    share = np.where(hard, 1.0, np.exp(-square / cost))
+                    # Half of the change: a row at its limit would else count in every second iteration only.
+                    weight = 0.5 * weight + 0.5 * np.where(square > 0.0, share / sigma**2, 0.0)
+                    force = np.linalg.solve(unit + weight[:, None] * K, weight * nearest)
+        return best
+
+
+def _direction(north: float, east: float) -> str:
+    """Return a distance in words, `6 m to the east`."""
+    names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+    toward = names[round(math.atan2(east, north) / (0.25 * math.pi)) % 8]
+    return f"{math.hypot(north, east):.2g} m to the {toward}"
