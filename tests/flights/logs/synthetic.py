@@ -171,4 +171,6 @@ def imported(text: str, penalties: Penalties = NONE_KNOWN, accuracy: float | Non
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
         path.write_text(text)
-        return flight_from_log(read_log(path, ColumnLayout(accuracy=accuracy)), race(), label="log", penalties=penalties)
+        return flight_from_log(
+            read_log(path, ColumnLayout(accuracy=accuracy)), race(), label="log", penalties=penalties
+        )
