@@ -22,6 +22,7 @@ import numpy as np
 
 from airrace.flights.logs.clocks import instant, iso_seconds
 from airrace.flights.logs.csv_log import ColumnLayout, read_csv
+from airrace.flights.logs.nmea import POSITION, read_nmea
 from airrace.flights.logs.quality import fix_type, without_fix_left_out
 from airrace.flights.logs.recorders import FIX, read_acmi, read_fit, read_igc
 from airrace.flights.logs.recording import DEPTH_MAX, GPX_SIZE_MAX, LINE_MAX, SIZE_MAX, Recording, SampleTable, refuse
@@ -93,6 +94,8 @@ def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
                 return read_gpx(name, content.lstrip(), layout.zone)
             if plain.startswith("FileType=text/acmi"):
                 return read_acmi(name, _lines(name, file, encoding), aircraft)
+            if any(POSITION.search(line) for line in plain.splitlines()):
+                return read_nmea(name, _lines(name, file, encoding))
             if path.suffix.lower() == ".igc" or any(FIX.match(line) for line in plain.splitlines()[:-1]):
                 return read_igc(name, _lines(name, file, encoding))
             if first[8:12] == b".FIT":
