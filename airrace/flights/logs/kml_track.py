@@ -89,7 +89,6 @@ class _KmlReader:
         elif begin[1] and end[1] and len(places) == 2:
             self._append(whole, begin, places[0])
             self._append(whole, end, places[1])
-        whole.modes |= mark.modes
         if mark.samples.lines:
             self.tracks.append((mark.last("name")[1], mark))
         self._mark = self._placemark()

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, BinaryIO, cast
 
 from airrace.flights.logs.csv_log import ColumnLayout, read_csv
+from airrace.flights.logs.foreign_formats import foreign_format, refuse_foreign
 from airrace.flights.logs.gpx_log import read_gpx
 from airrace.flights.logs.kml_track import read_kml
 from airrace.flights.logs.nmea import POSITION, read_nmea
@@ -37,6 +38,10 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """The methods whose unpackers need a fixed amount of memory: LZMA reserves as much as its header claims."""
 _PACKED, _SMALL = 200, 10_000_000
 """Times the size of an archive that a large content may have (texts of flights are packed to a tenth); bytes of one."""
+
+
+FORMATS = "CSV, GPX, KML, NMEA, IGC, ACMI or FIT"
+"""The formats of logs, for messages."""
 
 
 def is_log(path: Path) -> bool:
@@ -84,8 +89,10 @@ def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
                 return read_igc(name, _lines(name, file, encoding))
             if first[8:12] == b".FIT":
                 return read_fit(name, file)
+            if (foreign := foreign_format(first)) is not None and not foreign.is_log:
+                refuse_foreign(name, foreign)
             if "\0" in plain[:512]:
-                refuse(name, 0, "is no log: expected CSV, GPX, IGC or ACMI")
+                refuse(name, 0, f"is no log: expected {FORMATS}")
             return read_csv(name, _lines(name, file, encoding), layout)
     except FileNotFoundError:
         refuse(name, 0, "no such file")
@@ -172,7 +179,10 @@ def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...]
 
 def _read_xml(path: str, content: bytes, layout: ColumnLayout) -> Recording:
     """Return the recording in a document, KML or GPX."""
-    read = read_kml if _KML.search(content[:4096]) else read_gpx
+    first = content[:4096]
+    if (foreign := foreign_format(first)) is not None:
+        refuse_foreign(path, foreign)
+    read = read_kml if _KML.search(first) else read_gpx
     return read(path, content.lstrip(), layout.zone)
 
 
@@ -182,6 +192,9 @@ def _read_archive(path: str, file: BinaryIO, layout: ColumnLayout, aircraft: str
         with zipfile.ZipFile(file) as archive:
             is_kmz = any(file.filename.lower().endswith(".kml") for file in archive.infolist())
             suffixes, what = ((".kml",), "a KML document") if is_kmz else ((".acmi", ".txt"), "an ACMI recording")
+            names = b"PK" + " ".join(archive.namelist()[:20]).encode()
+            if not is_kmz and (foreign := foreign_format(names)) is not None:
+                refuse_foreign(path, foreign)
             entry = archive_entry(path, archive, suffixes, what)
             if entry.file_size > max(_PACKED * entry.compress_size, _SMALL):
                 refuse(path, 0, f"is packed to less than a {_PACKED}th, as no flight is; unpack it and cut it to that")
