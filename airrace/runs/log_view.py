@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -60,6 +61,12 @@ class LogView:
         penalties = [violation.penalty for violation in self.violations if violation.certain]
         return float(sum(penalty for penalty in penalties if not math.isnan(penalty)))
 
+    @property
+    def begins(self) -> datetime | None:
+        """When the flight's clock starts; None where the log knows no date."""
+        log = self.recorded.log
+        return datetime.fromisoformat(log.begins) + timedelta(seconds=log.offset) if log.begins else None
+
     def flight(self, label: str | None = None) -> Flight:
         """Return the flight; see `airrace.flights.results`.
 
@@ -88,6 +95,7 @@ class LogView:
             version=checkpoint.versions.get("airrace", ""),
             remark=" ".join(self.remarks),
             verification=self.verification,
+            begins=self.begins,
         )
         return with_distances(Flight(race, source, checkpoint.time, histories, tuple(crossings)))
 
@@ -217,6 +225,7 @@ def fly_log_through(
     noise: float | None = None,
     run: int | None = None,
     name: str | None = None,
+    height_offset: float = 0.0,
 ) -> LogView:
     """Return a log as a flight through a course that is at hand; arguments and errors are those of `import_log`."""
     # Imported here: imported logs are read without whatever makes a flight of a log.
@@ -225,6 +234,12 @@ def fly_log_through(
 
     recording = read_log(log, layout, aircraft=name)
     log_flight = flight_from_log(
-        recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run
+        recording,
+        inputs.race,
+        label=stem_of(log),
+        penalties=inputs.penalties,
+        noise=noise,
+        run=run,
+        height_offset=height_offset,
     )
     return new_log_view(inputs, log_flight)
