@@ -35,6 +35,8 @@ Lateness = Annotated[
     Option("Tell what each cue costs that is 0.1 s late or early; each is solved twice, a minute or more in all."),
 ]
 Drawing = str | Path | None
+HEIGHT_OFFSET_MAX = 10_000.0
+"""The largest offset of a log's heights, m: no air race is flown higher."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class WrittenFlights:
 
 
 def import_log(
-    log: Annotated[str | Path, Option("The log: CSV, GPX, IGC or ACMI.", "LOG")],
+    log: Annotated[str | Path, Option("The log: CSV, GPX, KML, NMEA, IGC, ACMI or FIT.", "LOG")],
     track: Annotated[
         options.TrackGiven,
         Option(
@@ -70,6 +72,9 @@ def import_log(
         float | None,
         Option("Standard deviation of what positions are off by together; by default as the log says, else 2.5.", "M"),
     ] = None,
+    height_offset: Annotated[
+        float, Option("Added to the heights of the log, which count from another zero, e.g. its ellipsoid.", "M")
+    ] = 0.0,
     run: Annotated[int | None, Option("Which run through the course, where there are several.", "N", min=1)] = None,
     name: Annotated[str | None, Option("Which aircraft of an ACMI recording.", "NAME")] = None,
     aircraft: options.Aircraft = None,
@@ -109,9 +114,15 @@ def import_log(
         raise UsageError(f"a noise of {noise:g} m is out of range: it must lie above 0 and not above 100")
     if accuracy is not None and not 0.0 < accuracy <= 100.0:
         raise UsageError(f"an accuracy of {accuracy:g} m is out of range: it must lie above 0 and not above 100")
+    if not abs(height_offset) <= HEIGHT_OFFSET_MAX:
+        raise UsageError(
+            f"a height offset of {height_offset:g} m is out of range: it must lie within +-{HEIGHT_OFFSET_MAX:g}"
+        )
     layout = layout if accuracy is None else replace(layout, accuracy=accuracy)
     noise = stated_noise if noise is None else noise
-    view = fly_log_through(Path(log), inputs, layout=layout, noise=noise, run=run, name=name)
+    view = fly_log_through(
+        Path(log), inputs, layout=layout, noise=noise, run=run, name=name, height_offset=height_offset
+    )
     if path is not None:
         ensure_free(path, force=True, sources=documents_of(inputs))
         view.save(path)
@@ -309,7 +320,8 @@ def export(
     rate: Annotated[float | None, Option("Samples per second; by default what suits the format.", "HZ")] = None,
     origin: options.Origin = None,
     start: Annotated[
-        str | None, Option("When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000.", "TIME")
+        str | None,
+        Option("When the clock starts, e.g. 2014-04-13T12:00:00Z; by default as of a log, else in 2000.", "TIME"),
     ] = None,
     model: Annotated[
         str | None,

@@ -13,7 +13,7 @@ from airrace.errors import NotCertified, UsageError
 from airrace.files.checkpoint import LogCheckpoint, read_stored
 from airrace.files.checkpoint.atomic import replace_file
 from airrace.files.export.formats import formats
-from airrace.files.export.globe import BEGIN, on_globe
+from airrace.files.export.globe import clock_start, on_globe
 from airrace.flights.logs.reading import is_log
 from airrace.flights.results import Flight, Verification
 from airrace.model.track.course import Origin
@@ -162,7 +162,7 @@ def write_flights(
         path: the file, which is replaced as a whole.
         rate: samples per second; None for what suits the format.
         origin: where the courses lie, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what they say.
-        start: when the clock starts, ISO 8601, UTC unless it says otherwise.
+        start: when the clock starts, ISO 8601, UTC unless it says otherwise; None for the clock of the flights.
         model: an aircraft of the viewer's own, which X-Plane has; None for the usual one.
 
     Raises:
@@ -173,7 +173,7 @@ def write_flights(
     if format_name not in formats():
         raise UsageError(f"there is no format {format_name!r}; known are {', '.join(formats())}")
     chosen, where = formats()[format_name], None if origin is None else origin_of(origin)
-    begin = BEGIN if start is None else begin_of(start)
+    stated = None if start is None else begin_of(start)
     if model is not None and not chosen.has_models:
         raise UsageError(f"the viewers of {format_name} have no aircraft of their own; leave out the model")
     low, high = 1e-3, 1e4  # Hz
@@ -185,7 +185,7 @@ def write_flights(
     hertz = chosen.rate_hz if rate is None else rate
     if hertz is not None:
         flights = [flight.at_rate(hertz) for flight in flights]
-    replace_file(path, chosen.write(flights, begin, model))
+    replace_file(path, chosen.write(flights, stated or clock_start(flights), model))
 
 
 def origin_of(text: str) -> Origin:
@@ -267,7 +267,7 @@ def flight_footprint(
         write_text(output, footprint_csv(footprint))
     else:
         write = footprint_geojson if suffix == ".geojson" else footprint_kml
-        write_text(output, write(footprint, on_globe(flight, place).at_rate(10.0), BEGIN).decode())
+        write_text(output, write(footprint, on_globe(flight, place).at_rate(10.0), clock_start([flight])).decode())
     return footprint
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -72,6 +73,12 @@ class LogView:
         """The accuracy that judgements assume, in words."""
         return self.recorded.log.receiver.assumption
 
+    @property
+    def begins(self) -> datetime | None:
+        """When the flight's clock starts; None where the log knows no date."""
+        log = self.recorded.log
+        return datetime.fromisoformat(log.begins) + timedelta(seconds=log.offset) if log.begins else None
+
     def flight(self, label: str | None = None) -> Flight:
         """Return the flight; see `airrace.flights.results`.
 
@@ -100,6 +107,7 @@ class LogView:
             version=checkpoint.versions.get("airrace", ""),
             remark=" ".join(self.remarks),
             verification=self.verification,
+            begins=self.begins,
         )
         return with_distances(Flight(race, source, checkpoint.time, histories, tuple(crossings)))
 
@@ -239,6 +247,7 @@ def fly_log_through(
     noise: float | None = None,
     run: int | None = None,
     name: str | None = None,
+    height_offset: float = 0.0,
 ) -> LogView:
     """Return a log as a flight through a course that is at hand; arguments and errors are those of `import_log`."""
     # Imported here: imported logs are read without whatever makes a flight of a log.
@@ -247,6 +256,12 @@ def fly_log_through(
 
     recording = read_log(log, layout, aircraft=name)
     log_flight = flight_from_log(
-        recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run
+        recording,
+        inputs.race,
+        label=stem_of(log),
+        penalties=inputs.penalties,
+        noise=noise,
+        run=run,
+        height_offset=height_offset,
     )
     return new_log_view(inputs, log_flight)

@@ -46,10 +46,10 @@ def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
         name, pilot, colour = _text(flight.aircraft.name), _text(flight.label), COLOURS[number % len(COLOURS)]
         key = f"{FIRST_AIRCRAFT + number:x}"
         lines.append(f"{key},Name={name},Type=Air+FixedWing,Pilot={pilot},CallSign={pilot},Color={colour}")
-    last = -math.inf
+    last, lead = -math.inf, begin.microsecond / 1e6  # the reference is a whole second
     for time, _, line in sorted(_moments(flights), key=lambda moment: moment[:2]):
         if time != last:
-            lines.append(f"#{time:.3f}")
+            lines.append(f"#{time + lead:.3f}")
             last = time
         lines.append(line)
     return ("\ufeff" + "\n".join(lines) + "\n").encode()
@@ -63,7 +63,8 @@ def _features(flights: Sequence[Flight]) -> Iterator[str]:
             for east, north in feature.places:
                 kind = "Navaid+Static+Waypoint" if feature.shape is not Shape.AREA else "Navaid+Static+Bullseye"
                 place = f"{east:.8f}|{north:.8f}|{course.origin.elevation:.2f}"
-                yield f"{number:x},T={place},Type={kind},Name={_text(f'{feature.kind} {feature.name}')}"
+                size = f",Height={feature.height:g}" if feature.height else ""
+                yield f"{number:x},T={place},Type={kind},Name={_text(f'{feature.kind} {feature.name}')}{size}"
                 number += 1
 
 

@@ -20,7 +20,7 @@ from airrace.files.export.flight_table import (
     flight_tables,
     pieces,
 )
-from airrace.files.export.globe import printable
+from airrace.files.export.globe import printable, stamp
 from airrace.flights.results import Flight, Stamp
 from airrace.procedure.result import StageResult
 
@@ -76,6 +76,8 @@ def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None =
     """
     race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
     entries = {"track": flight.course.name, "aircraft": flight.aircraft.name, "flight": flight.label}
+    if flight.source.begins is not None:
+        entries["flight"] += f"; its clock starts {stamp(flight.source.begins, 0.0)}"
     entries |= {"race time": f"{race_time}; {_further(flight.stamp)}", "airrace version": flight.source.version}
     _write_comments(entries, stream)
     parts = [flight] if rate_hz is None else (flight.at(times) for times in pieces(flight.times_at_rate(rate_hz)))

@@ -30,6 +30,9 @@ from airrace.flights.results.attitude import path_axes, quaternions
 from airrace.flights.results.flight import BODY_ATTITUDE
 from airrace.optimal_control.trajectory import Array
 
+PYLON_RADII = (0.4, 2.5)
+"""The radii of what stands at a point, at its top and at its foot, m: those of the races' pylons, about."""
+
 
 def czml(flights: Sequence[Flight], begin: datetime) -> bytes:
     """Return a document with the courses and the flights."""
@@ -95,6 +98,16 @@ def _feature(key: str, feature: Feature, up: float) -> dict[str, object]:
     corners = [*feature.places, *(feature.places[:1] if feature.shape is Shape.AREA else ())]
     positions = [number for east, north in corners for number in (east, north, up)]
     colour = {"rgba": [*FEATURE_COLOURS[feature.kind], 255]}
+    top = feature.height
+    if top and feature.shape is Shape.POINT:
+        (east, north), *_ = feature.places
+        fill = {"length": top, "topRadius": PYLON_RADII[0], "bottomRadius": PYLON_RADII[1]}
+        standing = {"cylinder": fill | {"material": {"solidColor": {"color": colour}}}}
+        return packet | {"position": {"cartographicDegrees": [east, north, up + 0.5 * top]}} | standing
+    if top:
+        raised = [number for east, north in corners for number in (east, north, up + top)]
+        wall = {"positions": {"cartographicDegrees": raised}, "minimumHeights": {"array": [up] * len(corners)}}
+        return packet | {"wall": wall | {"material": {"solidColor": {"color": {"rgba": [*colour["rgba"][:3], 96]}}}}}
     if feature.shape is Shape.POINT:
         return packet | {"position": {"cartographicDegrees": positions}, "point": {"pixelSize": 8, "color": colour}}
     line = {"positions": {"cartographicDegrees": positions}, "width": 4, "clampToGround": True}

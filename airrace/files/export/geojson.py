@@ -46,7 +46,9 @@ def collection(entries: Sequence[Mapping[str, object]]) -> bytes:
 
 def _on_course(of_course: Feature) -> dict[str, object]:
     corners = [list(place) for place in of_course.places]
-    properties = {"kind": of_course.kind, "name": printable(of_course.name), "note": of_course.note}
+    properties: dict[str, object] = {"kind": of_course.kind, "name": printable(of_course.name), "note": of_course.note}
+    if of_course.height:
+        properties["height_m"] = of_course.height
     match of_course.shape:
         case Shape.POINT:
             return feature("Point", corners[0], properties)

@@ -21,7 +21,7 @@ from airrace.model.track.course import Course, Origin, geodetic
 from airrace.model.track.polygons import Point
 
 BEGIN = datetime(2000, 1, 1, 12, tzinfo=UTC)
-"""The default instant at which a flight starts: viewers want a date, and an optimum has none."""
+"""The instant at which a flight starts that knows none: viewers want a date, and an optimum has none."""
 FLIGHT_COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
 """The colours of the flights in turn: red, green, blue [Okabe, Ito]."""
 FEATURE_COLOURS = {
@@ -52,6 +52,7 @@ class Feature:
         shape: that `places` form.
         places: longitude and latitude, degrees, of every corner; an area's outline is not closed.
         note: a sentence about it; often empty.
+        height: of what stands there, m; 0 for what lies on the ground.
     """
 
     kind: str
@@ -59,6 +60,12 @@ class Feature:
     shape: Shape
     places: tuple[tuple[float, float], ...]
     note: str = ""
+    height: float = 0.0
+
+
+def clock_start(flights: Sequence[Flight]) -> datetime:
+    """Return when the clocks of flights that are shown together start: that of the first one that knows it."""
+    return next((flight.source.begins for flight in flights if flight.source.begins is not None), BEGIN)
 
 
 def on_globe(flight: Flight, origin: Origin | None) -> Flight:
@@ -90,17 +97,19 @@ def features(course: Course) -> Iterator[Feature]:
         drawing = element.drawing()
         kind = "manoeuvre" if not element.stands else "gate" if drawing.window else "pylon"
         if drawing.across is not None:
-            yield _feature(course, kind, name, Shape.LINE, drawing.across)
+            top = drawing.post_height if drawing.posts else 0.0
+            yield _feature(course, kind, name, Shape.LINE, drawing.across, height=top)
         elif drawing.posts or element.place is not None:
             posts = drawing.posts or (Point(*(element.place or (0.0, 0.0))),)
-            yield _feature(course, kind, name, Shape.POINT, posts[:1])
+            top = drawing.post_height if drawing.posts else 0.0
+            yield _feature(course, kind, name, Shape.POINT, posts[:1], height=top)
     for crowd in course.crowd:
         note = f"keep {crowd.distance:g} m away, measured {'in space' if crowd.slant else 'over ground'}"
         yield _feature(course, "crowd", crowd.name, Shape(crowd.shape.value), crowd.corners, note)
     for obstacle in course.obstacles:
         note = f"{obstacle.height:g} m high, keep the wing {obstacle.clearance:g} m away"
         shape = Shape.AREA if len(obstacle.outline) > 1 else Shape.POINT
-        yield _feature(course, "obstacle", obstacle.name, shape, obstacle.outline, note)
+        yield _feature(course, "obstacle", obstacle.name, shape, obstacle.outline, note, obstacle.height)
     for line in course.safety_lines:
         note = f"keep to the {'right' if line.keep_right else 'left'}, at least {line.margin:g} m away"
         yield _feature(course, "safety line", line.name, Shape.LINE, (line.start, line.end), note)
@@ -108,11 +117,19 @@ def features(course: Course) -> Iterator[Feature]:
         yield _feature(course, "airspace", "airspace", Shape.AREA, course.airspace)
 
 
-def _feature(course: Course, kind: str, name: str, shape: Shape, corners: Sequence[Point], note: str = "") -> Feature:
+def _feature(
+    course: Course,
+    kind: str,
+    name: str,
+    shape: Shape,
+    corners: Sequence[Point],
+    note: str = "",
+    height: float = 0.0,
+) -> Feature:
     north, east = np.array([corner.north for corner in corners]), np.array([corner.east for corner in corners])
     latitude, longitude = geodetic(north, east, course.origin)
     places = zip(np.degrees(longitude).tolist(), np.degrees(latitude).tolist(), strict=True)
-    return Feature(kind, name, shape, tuple(places), note)
+    return Feature(kind, name, shape, tuple(places), note, height)
 
 
 def courses(flights: Sequence[Flight]) -> list[Course]:

@@ -99,7 +99,7 @@ def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
 def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str, model: str) -> None:
     """Add the line of a flight, its track in time, with a model if there is one, and a point for every passing."""
     label, line = printable(flight.label), _coordinates(flight)
-    _add_geometry(_placemark(folder, f"{label}, line", style), "LineString", line, absolute=True)
+    _add_geometry(_placemark(folder, f"{label}, line", style), "LineString", line, "absolute")
     track = add_element(_placemark(folder, label, style, printable(flight.stamp.text)), "gx:Track")
     add_element(track, "altitudeMode", "absolute")
     for time in flight.time.tolist():
@@ -116,7 +116,7 @@ def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str,
     for crossing in flight.crossings:
         if crossing.found:
             mark = _placemark(passings, f"{printable(crossing.name)} {crossing.time:.3f} s", style)
-            _add_geometry(mark, "Point", _coordinates(flight.at([crossing.time])), absolute=True)
+            _add_geometry(mark, "Point", _coordinates(flight.at([crossing.time])), "absolute")
 
 
 def _add_tour(document: ET.Element, flight: Flight, begin: datetime) -> None:
@@ -149,11 +149,16 @@ def _coordinates(flight: Flight) -> list[str]:
 def _add_feature(folder: ET.Element, feature: Feature) -> None:
     style = f"#{feature.kind.replace(' ', '-')}"
     mark = _placemark(folder, printable(feature.name) or feature.kind, style, feature.note)
-    corners = [f"{east:.8f},{north:.8f}" for east, north in feature.places]
+    top = f",{feature.height:g}" if feature.height else ""
+    corners = [f"{east:.8f},{north:.8f}{top}" for east, north in feature.places]
     if feature.shape is not Shape.AREA:
-        _add_geometry(mark, "Point" if feature.shape is Shape.POINT else "LineString", corners, absolute=False)
+        mode = "relativeToGround" if top else ""
+        _add_geometry(mark, "Point" if feature.shape is Shape.POINT else "LineString", corners, mode)
         return
-    ring = add_element(add_element(add_element(mark, "Polygon"), "outerBoundaryIs"), "LinearRing")
+    polygon = add_element(mark, "Polygon")
+    if top:
+        _raise(polygon)
+    ring = add_element(add_element(polygon, "outerBoundaryIs"), "LinearRing")
     add_element(ring, "coordinates", " ".join([*corners, corners[0]]))
 
 
@@ -166,10 +171,19 @@ def _placemark(parent: ET.Element, name: str, style: str, note: str = "") -> ET.
     return mark
 
 
-def _add_geometry(mark: ET.Element, shape: str, corners: Sequence[str], *, absolute: bool) -> None:
+def _raise(geometry: ET.Element) -> None:
+    """Let a geometry stand on the ground."""
+    add_element(geometry, "extrude", "1")
+    add_element(geometry, "altitudeMode", "relativeToGround")
+
+
+def _add_geometry(mark: ET.Element, shape: str, corners: Sequence[str], mode: str) -> None:
+    """Add a point or a line; its heights count by the mode, and without one it lies on the ground."""
     geometry = add_element(mark, shape)
-    if absolute:
-        add_element(geometry, "altitudeMode", "absolute")
+    if mode == "relativeToGround":
+        _raise(geometry)
+    elif mode:
+        add_element(geometry, "altitudeMode", mode)
     elif shape == "LineString":
         add_element(geometry, "tessellate", "1")
     add_element(geometry, "coordinates", " ".join(corners))

@@ -48,7 +48,7 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     race_time.units, race_time.long_name = "s", "race time"
     time = file.createVariable("time", "d", ("obs",))
     time[:] = np.concatenate([flight.time for flight in flights])
-    time.units = f"seconds since {stamp(begin, 0.0)[:19].replace('T', ' ')}"
+    time.units = f"seconds since {stamp(begin, 0.0)[:-1].removesuffix('.000').replace('T', ' ')}"
     time.long_name, time.standard_name, time.axis = "time since the start", "time", "T"
     for name, history in all_histories(flights).items():
         variable = file.createVariable(name, "d", ("obs",))

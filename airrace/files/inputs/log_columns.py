@@ -74,8 +74,8 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
             reporter.value(("columns", name), problem)
     for key, numbers in (("scale", entry.scale), ("offset", entry.offset)):
         for name in numbers:
-            if name not in FIELDS or name == "time":
-                numeric = ", ".join(field for field in FIELDS if field != "time")
+            if name not in FIELDS or not FIELDS[name].history:
+                numeric = ", ".join(field.name for field in FIELDS.values() if field.history)
                 reporter.value((key, name), f"`{name}` is nothing that is read as a number; known are {numeric}")
     if reporter.findings:
         raise InputError(reporter.findings)

@@ -21,8 +21,9 @@ from xml.etree.ElementTree import Element
 from airrace.errors import Finding, InputError
 from airrace.files.inputs.document import read_content
 from airrace.files.inputs.nodes import PLACEMARKS_MAX, SIZE_MAX
-from airrace.flights.logs.reading import DAMAGES, archive_entry, xml_tree
+from airrace.flights.logs.reading import DAMAGES, archive_entry
 from airrace.flights.logs.recording import refuse
+from airrace.flights.logs.xml_document import xml_tree
 from airrace.runtime.standard_streams import name_of
 
 NAMES = ("name", "title", "label")

@@ -16,8 +16,11 @@ from airrace.flights.logs.recording import count_of, refuse, resolution
 from airrace.optimal_control.trajectory import Array
 
 DAY = 86400.0
-_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?(?: ?([AP])M)?", re.IGNORECASE)
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?(?: ?([AP])M)?(?: ?Z| UTC)?", re.IGNORECASE)
 _ISO = re.compile(r"\d{4}-\d{2}-\d{2}")
+_DATED = re.compile(r"(\d{1,4}[./-]\d{1,2}[./-]\d{1,4})[ T,;]+(\d{1,2}:.*)")
+DATE_ORDERS = ("ymd", "dmy", "mdy")
+"""The orders of year, month and day in dates."""
 _LEAP = re.compile(r":60(?!\d)")
 TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of numbers that count time, s."""
@@ -58,8 +61,10 @@ by 11 % within a second."""
 
 
 def guess_notation(text: str) -> str:
-    """Return how a time is written: `iso`, `clock` (hh:mm:ss) or `number`."""
-    return "iso" if _ISO.match(text) else "clock" if ":" in text else "number"
+    """Return how a time is written: `iso`, `dated` (13.04.2014 hh:mm:ss), `clock` (hh:mm:ss) or `number`."""
+    if _ISO.match(text):
+        return "iso"
+    return "dated" if _DATED.fullmatch(text) else "clock" if ":" in text else "number"
 
 
 def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
@@ -72,6 +77,10 @@ def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
         return iso_seconds(text, zone)
     if notation == "clock":
         return _clock_seconds(text)
+    if notation == "dated":
+        if (match := _DATED.fullmatch(text)) is None:
+            raise ValueError(text)
+        return date_seconds(match[1], "", zone) + _clock_seconds(match[2])
     if notation == "hhmmss":
         integer, _, decimals = text.partition(".")
         digits = f"{int(integer):06d}"
@@ -113,6 +122,46 @@ def _iso_time(text: str) -> tuple[datetime, int]:
     """Return a time, and 1 where it is the leap second behind it."""
     plain, leaps = _LEAP.subn(":59", text, count=1)
     return datetime.fromisoformat(plain), leaps
+
+
+def date_seconds(text: str, order: str, zone: tzinfo | None) -> float:
+    """Return the seconds since 1970 at which a day begins.
+
+    Args:
+        text: `2014-04-13`, `13.4.14`, `130414`, `20140413`.
+        order: of its numbers, of `DATE_ORDERS`; empty to take the day first unless it cannot be.
+        zone: of the day; None for UTC.
+
+    Raises:
+        ValueError: it is no such date.
+    """
+    parts = re.findall(r"\d+", text)
+    if len(parts) == 1 and len(parts[0]) in (6, 8):
+        digits, size = parts[0], len(parts[0]) - 4
+        order = order or ("ymd" if size == 4 and digits[:2] in ("19", "20") else "dmy")
+        cuts = (0, size, size + 2) if order == "ymd" else (0, 2, 4)
+        parts = [digits[begin:end] for begin, end in zip(cuts, (*cuts[1:], len(digits)), strict=True)]
+    if len(parts) != 3:
+        raise ValueError(text)
+    if len(parts[0]) == 4:
+        order = "ymd"
+    elif not order:
+        order = "mdy" if int(parts[1]) > 12 else "dmy"
+    numbers = dict(zip(order, map(int, parts), strict=True))
+    year = numbers["y"]
+    if year < 100:
+        year += 2000 if year < 80 else 1900
+    return datetime(year, numbers["m"], numbers["d"], tzinfo=zone or UTC).timestamp()
+
+
+def offset_seconds(text: str) -> float:
+    """Return the seconds by which local times are ahead of UTC, as `-04:00` tells them.
+
+    Raises:
+        ValueError: the text is no such offset.
+    """
+    seconds = _clock_seconds(text.lstrip("+-"))
+    return -seconds if text.startswith("-") else seconds
 
 
 def instant(seconds: float) -> datetime | None:

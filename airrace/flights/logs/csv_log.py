@@ -4,24 +4,29 @@ The headers stand in the first line that holds those of the mapping, or time and
 what comes before is a preamble. A row of units above or below them is understood, a second row of headers passed over.
 """
 
+import contextlib
 import csv
 import dataclasses
 import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import tzinfo
 
 import numpy as np
 
+from airrace.flights.logs.angles import parse_angle, parse_pair
 from airrace.flights.logs.clocks import (
+    DATE_ORDERS,
     SINCE_1970_MIN,
     TICKS,
+    date_seconds,
     find_tick,
     guess_notation,
     instant,
     names_zone,
+    offset_seconds,
     parse_time,
     unwrap_days,
 )
@@ -39,7 +44,14 @@ _NUMBER = {"1": 1.0}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
 _TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "hhmmss", "unix", "unix ms"), 1.0)}
 """How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
+_ORDERS = {"lat lon": DEGREE, "lon lat": DEGREE}
+"""The orders of latitude and longitude in one column."""
 _NUMBERS = {"unix": "s", "unix ms": "ms", **{tick: tick for tick in TICKS}}
+
+
+def _words(*words: str) -> tuple[str, ...]:
+    """Return headers, each also with `gps` before it, as receivers write them."""
+    return (*words, *(f"gps {word}" for word in words))
 
 
 @dataclass(frozen=True)
@@ -48,7 +60,7 @@ class Field:
 
     Attributes:
         name: in a mapping.
-        history: the name of the history that it becomes; empty for the time.
+        history: the name of the history that it becomes; empty for what is no number of its own.
         units: the units it may be recorded in, each with its factor to SI; the first one is the default.
         aliases: headers, in small letters and without their unit, by which it is known where there is no mapping.
     """
@@ -62,17 +74,43 @@ class Field:
 FIELDS = {
     field.name: field
     for field in (
-        Field("time", "", _TIMES, ("time", "t", "timestamp", "utc", "gps time")),
-        Field("latitude", "latitude", _PLACE, ("latitude", "lat")),
-        Field("longitude", "longitude", _PLACE, ("longitude", "lon", "lng", "long")),
+        Field(
+            "time", "", _TIMES, _words("time", "t", "timestamp", "utc", "utc time", "zeit", "uhrzeit", "heure", "hora")
+        ),
+        Field("date", "", dict.fromkeys(DATE_ORDERS, 1.0), _words("date", "utc date", "datum", "fecha")),
+        Field("utc_offset", "", {"clock": 1.0}, _words("utcofst", "utc offset")),
+        Field("position", "", _ORDERS, _words("position", "lat lon", "lat/lon", "latlon", "latlng", "coordinates")),
+        Field(
+            "latitude", "latitude", _PLACE, _words("latitude", "lat", "breite", "breitengrad", "latitud", "latitudine")
+        ),
+        Field(
+            "longitude",
+            "longitude",
+            _PLACE,
+            _words("longitude", "lon", "lng", "long", "länge", "laenge", "längengrad", "longitud", "longitudine"),
+        ),
         Field("north", "x", _LENGTH, ("north", "x", "n")),
         Field("east", "y", _LENGTH, ("east", "y", "e")),
-        Field("altitude", "altitude", _LENGTH, ("altitude", "alt", "elevation", "ele", "gps altitude")),
+        Field(
+            "altitude",
+            "altitude",
+            _LENGTH,
+            _words(
+                "altitude", "alt", "elevation", "ele", "alt msl", "altitude msl", "altmsl", "höhe", "hoehe", "altitud"
+            ),
+        ),
         Field("height", "height", _LENGTH, ("height",)),
-        Field("ground_speed", "V_G", _SPEED, ("ground speed", "groundspeed", "gs")),
+        Field(
+            "ground_speed",
+            "V_G",
+            _SPEED,
+            _words("ground speed", "groundspeed", "gs", "speed", "geschwindigkeit", "vitesse", "velocidad"),
+        ),
         Field("true_airspeed", "V_A", _SPEED, ("true airspeed", "tas", "v a")),
         Field("indicated_airspeed", "V_I", _SPEED, ("indicated airspeed", "ias", "v i")),
-        Field("load_factor", "n_z", {"g": 1.0, "1": 1.0, "m/s2": 1.0 / g0}, ("load factor", "g", "n z", "nz")),
+        Field(
+            "load_factor", "n_z", {"g": 1.0, "1": 1.0, "m/s2": 1.0 / g0}, ("load factor", "g", "n z", "nz", "g load")
+        ),
         Field("roll", "phi", _ANGLE, ("roll", "phi")),
         Field("pitch", "theta", _ANGLE, ("pitch", "theta")),
         Field("heading", "psi", _ANGLE, ("heading", "yaw", "psi")),
@@ -101,6 +139,10 @@ _UNIT_ALIASES = {
     "us": ("µs", "μs", "usec", "microseconds", "micros"),
     "ns": ("nsec", "nanoseconds", "nanos"),
     "clock": ("hh:mm:ss", "h:m:s", "hhmmss"),
+    "auto": ("utc", "gmt", "z"),
+    "ymd": ("yyyy-mm-dd", "yyyy/mm/dd", "yyyymmdd"),
+    "dmy": ("dd.mm.yyyy", "dd/mm/yyyy", "dd-mm-yyyy", "ddmmyy"),
+    "mdy": ("mm/dd/yyyy",),
     "g": ("gs",),
 }
 _UNITS = {alias: unit for unit, aliases in _UNIT_ALIASES.items() for alias in aliases}
@@ -121,7 +163,9 @@ FULL_TURN = 360.0
 """A full turn, deg, beyond which the numbers of a place are no degrees."""
 ROWS_BELOW = 3
 """The number of rows of units, sources and the like that may stand between the headers and the first sample."""
-_ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
+_ESSENTIAL = ("time", "position", "latitude", "longitude", "north", "east", "altitude", "height")
+_ALTERNATIVES = (("position", "latitude", "north"), ("position", "longitude", "east"), ("altitude", "height"))
+"""Quantities that say the same: a column that is named for one of them replaces what is recognised of the others."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +174,7 @@ class ColumnLayout:
 
     Attributes:
         columns: the header of every quantity as a person gives it, `HEADER` or `HEADER [UNIT]`, by its name in
-            `FIELDS`; empty where headers are to be recognised.
+            `FIELDS`; on top of those that are recognised.
         scales, offsets: by the same names, what recorded numbers are multiplied by, and what is added then, in the
             column's unit.
         zone: the time zone of times that name none; None for UTC.
@@ -156,7 +200,7 @@ class ColumnLayout:
 class CsvColumn:
     """A column of the file: where it stands, what it records, and its unit; empty where none is stated.
 
-    `usual` is the unit that its dialect has where the file states none.
+    `usual` is the unit that its dialect has where the file states none, `part` says which number of a pair it is.
     """
 
     index: int
@@ -164,6 +208,26 @@ class CsvColumn:
     field: Field
     unit: str
     usual: str = ""
+    part: int | None = None
+
+    @property
+    def halves(self) -> tuple["CsvColumn", "CsvColumn"]:
+        """Latitude and longitude of a column of both."""
+        parts = (1, 0) if self.unit == "lon lat" else (0, 1)
+        latitude, longitude = (
+            replace(self, field=FIELDS[name], unit="deg", part=part)
+            for name, part in zip(("latitude", "longitude"), parts, strict=True)
+        )
+        return latitude, longitude
+
+    def number(self, samples: SampleTable, line: int, cell: str) -> float:
+        """Return the number in a cell; NaN where it holds none, which is counted."""
+        if self.field.name == "fix_type":
+            return fix_type(cell, self.unit or "mavlink")
+        if self.field.units is _PLACE:
+            with contextlib.suppress(ValueError):
+                return parse_angle(cell) if self.part is None else parse_pair(cell)[self.part]
+        return samples.number(line, cell, self.header)
 
     def factor(self, numbers: Array) -> float:
         """Return the factor to SI; an angle of a place that no degrees can be is taken in ten millionths of them."""
@@ -232,13 +296,20 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     """
     numbered = enumerate(lines, 1)
     delimiter, columns, instance, unread = _find_headers(path, numbered, layout)
-    timed = next(column for column in columns if column.field.name == "time")
-    measured = [column for column in columns if column is not timed]
+    named = {column.field.name: column for column in columns}
+    timed, measured = named["time"], list[CsvColumn]()
+    for column in columns:
+        if column.field.name == "position":
+            measured += column.halves
+        elif column.field.history:
+            measured.append(column)
     samples, zoned = SampleTable(path, 1 + len(measured)), True
     stated = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
     notation = stated
     indices, commas = [column.index for column in (timed, *measured)], layout.decimal_comma
     garbled = 0  # unreadable times
+    day = ""  # what the first sample says of its date
+    offset = ""  # and of its zone
     receiver = ""  # the first of several
     for at, line in _rows(samples, itertools.chain(unread, numbered)):
         row = _cells(line, delimiter)
@@ -264,12 +335,12 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
             continue
         if not samples.lines and notation == "iso":
             zoned = names_zone(when)
+        if not samples.lines:
+            day, offset = (_cell(row, named.get(name)) for name in ("date", "utc_offset"))
         values = [math.nan] * len(measured)
         for place, (column, cell) in enumerate(zip(measured, cells, strict=True)):
             if cell:
-                named = column.field.name == "fix_type"
-                code = column.unit or "mavlink"
-                values[place] = fix_type(cell, code) if named else samples.number(at, cell, column.header)
+                values[place] = column.number(samples, at, cell)
         samples.append(at, seconds, *values)
     if len(samples.lines) < 2 or len(samples.lines) <= garbled:
         samples.refuse_first_fault()
@@ -291,14 +362,41 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         )
         time = time * tick
         remarks += tick_remarks
-    if not zoned and layout.zone is None:
+    dated = notation in ("iso", "dated") or (notation == "number" and float(np.median(time)) > SINCE_1970_MIN)
+    if notation in ("clock", "hhmmss"):
+        time = unwrap_days(time)
+        if day:
+            begins_day, day_remarks = _day(day, named["date"], offset, layout.zone)
+            dated, time, remarks = begins_day is not None, time + (begins_day or 0.0), [*remarks, *day_remarks]
+            zoned = bool(offset) or any("utc" in named[name].header.lower() for name in ("time", "date"))
+    if dated and not zoned and layout.zone is None:
         remarks.append("times name no zone and are taken as UTC")
-    dated = notation == "iso" or (notation == "number" and float(np.median(time)) > SINCE_1970_MIN)
-    time = unwrap_days(time) if notation in ("clock", "hhmmss") else time
     guessed = tuple(column.field.history for column in measured if not column.unit)
     mapped = tuple(FIELDS[name].history for name in {**layout.scales, **layout.offsets})
     begins = instant(float(time[0])) if dated else None
     return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), (), guessed, mapped)
+
+
+def _cell(row: Sequence[str], column: CsvColumn | None) -> str:
+    """Return the cell of a column; empty where there is none."""
+    return row[column.index].strip() if column is not None and column.index < len(row) else ""
+
+
+def _day(text: str, column: CsvColumn, offset: str, zone: tzinfo | None) -> tuple[float | None, list[str]]:
+    """Return the seconds since 1970 at which the day of a clock begins, None where the text is no date, and remarks."""
+    try:
+        begin = date_seconds(text, column.unit, zone)
+        if offset and zone is None:
+            begin -= offset_seconds(offset)
+    except (ValueError, OverflowError, OSError):
+        return None, [f"the date `{text[:40]}` is none that is understood, and not used"]
+    numbers = re.findall(r"\d+", text)
+    if not column.unit and "/" in text and len(numbers[0]) < 3 and int(numbers[0]) <= 12 and int(numbers[1]) <= 12:
+        return begin, [
+            f"the date `{text[:40]}` is taken as day/month/year; if it is not, say --column 'date="
+            f"{split_unit(column.header)[0]} [mdy]'"
+        ]
+    return begin, []
 
 
 def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
@@ -392,14 +490,18 @@ def _with_unit(column: CsvColumn, units: Sequence[str]) -> CsvColumn:
 
 
 def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
-    """Return the columns that the mapping names, or that are recognised where there is none."""
+    """Return the columns that are recognised, and those that the mapping names in their place or on top of them."""
     columns: dict[str, CsvColumn] = {}
-    if "time" not in layout.columns and (dialect := dialect_of(headers)) is not None:
+    if (dialect := dialect_of(headers)) is not None:
         columns = {column.field.name: column for column in _columns_of(dialect, headers)}
-    elif not layout.columns:
+    else:
         for index, header in enumerate(headers):
             if (recognised := recognise(header)) is not None:
                 columns.setdefault(recognised[0].name, CsvColumn(index, header, *recognised))
+    for name in layout.columns:
+        for alternatives in _ALTERNATIVES:
+            if name in alternatives:
+                columns = {known: column for known, column in columns.items() if known not in alternatives}
     plain = [" ".join(header.split()) for header in headers]
     bases = [split_unit(header)[0] for header in plain]
     for name, text in layout.columns.items():
@@ -414,7 +516,9 @@ def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
         recognised = recognise(header)
         if not stated and recognised is not None and recognised[0] is field:
             stated = recognised[1]
-        columns[name] = CsvColumn(plain.index(header), header, field, parse_unit(field, stated) or "")
+        index = plain.index(header)
+        columns = {known: column for known, column in columns.items() if column.index != index}
+        columns[name] = CsvColumn(index, header, field, parse_unit(field, stated) or "")
     return list(columns.values())
 
 
@@ -434,7 +538,7 @@ def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, s
     names = {column.field.name for column in columns}
     if "time" not in names:
         return "column of time; its", "'time=TIME'"
-    if not ({"latitude", "longitude"} <= names or {"north", "east"} <= names):
+    if "position" not in names and not ({"latitude", "longitude"} <= names or {"north", "east"} <= names):
         return "position: expected latitude and longitude, or north and east; its", "'latitude=LAT'"
     if "altitude" not in names and "height" not in names:
         return "height; its", "'altitude=ALT [m]'"

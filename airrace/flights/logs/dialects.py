@@ -59,6 +59,8 @@ DIALECTS = (
         frozenset(("lcl time", "latitude", "longitude", "altmsl")),
         {
             "time": [("lcl time", "clock")],
+            "date": [("lcl date", "ymd")],
+            "utc_offset": [("utcofst", "clock")],
             **_DEGREES,
             "altitude": [("altmsl", "ft"), ("altgps", "ft")],
             "ground_speed": [("gndspd", "kt")],
@@ -75,6 +77,7 @@ DIALECTS = (
         frozenset(("utc time", "latitude", "longitude", "gps altitude")),
         {
             "time": [("utc time", "clock")],
+            "date": [("utc date", ""), ("date", "")],
             **_DEGREES,
             "altitude": [("gps altitude", "ft")],
             "ground_speed": [("gps ground speed", "kt")],
@@ -120,6 +123,17 @@ DIALECTS = (
             "vertical_accuracy": [("vertical error", "m")],
         },
         "ForeFlight, track logs exported as CSV; feet, knots and milliseconds since 1970",
+    ),
+    Dialect(
+        "FlightRadar24",
+        frozenset(("timestamp", "position", "altitude", "speed", "direction")),
+        {
+            "time": [("timestamp", "unix")],
+            "position": [("position", "lat lon")],
+            "altitude": [("altitude", "ft")],
+            "ground_speed": [("speed", "kt")],
+        },
+        "FlightRadar24, flight history as CSV; feet, knots and seconds since 1970",
     ),
     Dialect(
         "AiM",

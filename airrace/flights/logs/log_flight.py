@@ -84,6 +84,7 @@ def flight_from_log(
     penalties: Penalties = NONE_KNOWN,
     noise: float | None = None,
     run: int | None = None,
+    height_offset: float = 0.0,
 ) -> LogFlight:
     """Return the flight in a recording.
 
@@ -94,6 +95,7 @@ def flight_from_log(
         penalties: of the season.
         noise: standard deviation of the positions, m; None to estimate it from them.
         run: which of several runs through the course, counted from 1; None for the one that passes most closely.
+        height_offset: added to its heights, m.
 
     Raises:
         InputError: the recording does not pass the course, or has no such run.
@@ -102,7 +104,7 @@ def flight_from_log(
     if (duration := chosen.end - chosen.begin) > DURATION_MAX:
         most = f"at most {DURATION_MAX:g} s are read"
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
-    framed = in_feet_if_so(framed, race, chosen)
+    framed = in_feet_if_so(framed, race, chosen).raised(height_offset)
     within = (framed.time >= chosen.begin - SMOOTHED_MARGIN) & (framed.time <= chosen.end + SMOOTHED_MARGIN)
     return flight_of_part(framed.select(within, *remarks), race, label=label, penalties=penalties, noise=noise)
 

@@ -74,6 +74,14 @@ class Recording:
     accuracy: float | None = None
     label: str = ""
 
+    def raised(self, offset: float) -> "Recording":
+        """Return the recording with an offset of all heights, m, and a remark on it."""
+        if offset == 0.0:
+            return self
+        heights = {name: self.columns[name] + offset for name in ("altitude", "height") if name in self.columns}
+        remark = f"{offset:+g} m are added to all heights, as stated"
+        return replace(self, columns={**self.columns, **heights}, remarks=(*self.remarks, remark))
+
     def select(self, rows: NDArray[np.bool_], *remarks: str) -> "Recording":
         """Return the recording with some of its samples only, and further remarks."""
         columns = {name: values[rows] for name, values in self.columns.items()}

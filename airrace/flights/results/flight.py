@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from enum import Enum
 
 import numpy as np
@@ -169,6 +170,7 @@ class Source:
         failed: the items of its certificate that fail, or what else speaks against it.
         pilot: whose limits the pilot of an optimum keeps to; empty for what is no optimum.
         reserve: what was asked of an optimum in disturbances; None for nothing.
+        begins: when the flight's clock starts; None where nobody knows, as of an optimum.
     """
 
     label: str
@@ -180,6 +182,7 @@ class Source:
     failed: tuple[str, ...] = ()
     pilot: str = ""
     reserve: ReserveState | None = None
+    begins: datetime | None = None
 
     @property
     def certified(self) -> bool | None:

@@ -4,18 +4,19 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import timedelta
 from importlib.metadata import version
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from synthetic import csv_text, fixes, known
+from synthetic import BEGIN, csv_text, fixes, gpx_text, known
 from typer.testing import CliRunner
 
 import airrace
 from airrace.cli.main import app
-from airrace.errors import CheckpointError
+from airrace.errors import CheckpointError, UsageError
 from airrace.files.checkpoint import LogCheckpoint, StoredHistory, read_checkpoint, read_stored, write_log
 from airrace.files.checkpoint.store import seal, unseal
 from airrace.runs.flight_sources import open_flight, open_flights
@@ -61,6 +62,30 @@ def test_a_stored_flight_is_the_imported_one(folder: Path, recorded: LogCheckpoi
     rows = np.isin(np.round(seen.time - seen.time[0], 4), np.round(log.time, 4))
     assert log.columns["x"] == pytest.approx(seen.north[rows], abs=1e-3)
     assert log.lines[0] >= 2
+
+
+def test_the_clock_of_a_flight_is_that_of_its_log(folder: Path, tmp_path: Path) -> None:
+    dated = tmp_path / "dated.gpx"
+    dated.write_text(gpx_text(fixes(20.0)))
+    log = airrace.import_log(dated, "rovinj_2014")
+    assert log.begins is not None
+    start = BEGIN + timedelta(seconds=known().passings["0:g0"])
+    assert abs((log.begins - start).total_seconds()) < 0.05
+    log.save(tmp_path / "dated.h5")
+    assert open_flight(str(tmp_path / "dated.h5")).source.begins == log.begins
+    assert open_flight(str(folder / "log.h5")).source.begins is None
+    path = tmp_path / "dated.acmi"
+    assert run("export", "acmi", tmp_path / "dated.h5", "--output", path)[0] == 0
+    assert f"ReferenceTime={log.begins:%Y-%m-%dT%H:%M:%S}Z" in path.read_text("utf-8-sig")
+
+
+def test_an_offset_raises_all_heights(folder: Path) -> None:
+    plain, raised = (airrace.import_log(folder / "log.csv", "rovinj_2014", height_offset=up) for up in (0.0, 12.0))
+    heights = [view.recorded.log.columns["height"] for view in (plain, raised)]
+    assert heights[1] == pytest.approx(heights[0] + 12.0)
+    assert any("+12 m are added to all heights" in remark for remark in raised.remarks)
+    with pytest.raises(UsageError, match="a height offset of 1e"):
+        airrace.import_log(folder / "log.csv", "rovinj_2014", height_offset=1e6)
 
 
 def test_the_command_imports_and_says_what_it_found(folder: Path, tmp_path: Path) -> None:

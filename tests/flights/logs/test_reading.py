@@ -213,7 +213,7 @@ def test_files_without_a_recording_and_with_too_many_samples_are_refused(
 @pytest.mark.parametrize(
     ("column", "said"),
     [
-        ("alt=H", "`alt` is nothing that is read from a log; known are time, latitude"),
+        ("alt=H", "`alt` is nothing that is read from a log; known are time, date"),
         ("altitude=H [kg]", "`kg` is no unit of altitude; known are m, ft, km"),
         ("altitude", "expected NAME=HEADER"),
     ],
