@@ -24,7 +24,7 @@ from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.contents import as_json, clock_start, contents_of
 from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
 from airrace.pages.report.sections import capitalise, note, number, section, table_section
-from airrace.pages.views.comparison_tables import lost_table
+from airrace.pages.views.comparison_tables import loss_text, lost_table
 from airrace.pages.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.pages.views.plain_text import escape_html, plain
 from airrace.pages.views.plan_svg import plan_svg
@@ -236,7 +236,7 @@ def loss_section(comparison: Comparison, map_: MapModel) -> str:
     coloured = by_loss(loss.comparison)
     lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in (other, reference)]
     plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
-    words = "".join(f"<li>{escape_html(leg_loss.text)}</li>" for leg_loss in loss.costliest)
+    words = "".join(f"<li>{escape_html(loss_text(item))}</li>" for item in loss.costliest)
     loss_list = f"<p>{escape_html(capitalise(loss.title))}:</p><ol>{words}</ol>" if words else ""
     legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
     return section(f"Where the time of {other.label} went", f'{loss_list}<div class="scroll">{plan}</div>{legend}')
