@@ -85,13 +85,11 @@ def flight_page(
     style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
     script = page_script()
     misses = len(near_misses(first))
-    near = f", {misses} pylons too near" if misses else ""
+    near = f", {misses} pylon{'' if misses == 1 else 's'} too near" if misses else ""
     verification = first.source.verification
-    unsure = verification is not None and verification.verified is None
-    refuted = verification is not None and verification.verified is False
     outcome = "" if verification is None or verification.verified else f"; {verification.outcome}"
-    good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
-    look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
+    state = html.escape(f"{first.source.state or 'recorded'}{near}")
+    look = f'class="verdict {_colour(first, misses)}" data-state="{state}"'
     words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
     verdict = f"<div {look}>{words}</div>"
     if claimed:
@@ -120,6 +118,19 @@ def flight_page(
         contents=as_json(contents_of(flights, comparisons, map_, envelope)),
         script=script,
     )
+
+
+def _colour(flight: Flight, misses: int) -> str:
+    """Return the colour of the badge: bad for what was refuted or does not hold, never for what is verified."""
+    verification = flight.source.verification
+    if verification is not None and verification.verified is False:
+        return "bad"
+    verified = verification is not None and bool(verification.verified)
+    if flight.source.doubtful and not verified:
+        return "bad"
+    if misses:
+        return "caution"
+    return "unsure" if flight.source.doubtful or not (verified or verification is None) else "good"
 
 
 def _hash(text: str) -> str:
