@@ -60,8 +60,11 @@ def _open_with_files(
     opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
     sources = [_source(name, opened, stage) for name in names]
     labels = _labels(names, sources)
-    if verify is not None and len(sources) > 1:  # before anything is measured, which takes seconds
-        ensure_comparable([(label, source.inputs.race.course) for label, source in zip(labels, sources, strict=True)])
+    if verify is not None:
+        if len(sources) > 1:  # before anything is measured, which takes seconds
+            ensure_comparable(
+                [(label, source.inputs.race.course) for label, source in zip(labels, sources, strict=True)]
+            )
         from airrace.runs.verification import with_verification, with_verifications  # loads the solver
 
         for path, run_or_log in opened.items():
