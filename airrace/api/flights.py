@@ -284,8 +284,7 @@ def film(
 
 
 def card(
-    flight: AnyFlight,
-    *,
+    *flights: FlightNames,
     output: Annotated[
         str | Path | None, options.output("FILE.png", "The card; by default beside the run, as RUN.card.png.")
     ] = None,
@@ -293,19 +292,22 @@ def card(
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> WrittenFlights:
-    """Draw a card of a flight for a message or an article: line, name, aircraft, time, wind (needs Chromium).
+    """Draw a card of a flight, or of a duel of two, for a message or an article: lines, times (needs Chromium).
 
     It is 1200 pixels wide and 630 high.
     """
+    from airrace.errors import UsageError
     from airrace.files.checkpoint.atomic import replace_file
     from airrace.pages.report.film import card_of, ensure_card
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path
 
-    path = output_path(output, flight, "card.png")
+    if len(flights) > 2:
+        raise UsageError("a card shows one flight, or two in a duel")
+    path = output_path(output, flights[0], "card.png")
     ensure_card(path)
-    ensure_free(path, force=force, sources=[flight])
-    page, page_flights = report_of_flights([flight], stage=options.stage_text(stage), verify=verify)
+    ensure_free(path, force=force, sources=flights)
+    page, page_flights = report_of_flights(flights, stage=options.stage_text(stage), verify=verify)
     replace_file(path, card_of(page))
     return WrittenFlights(path, tuple(page_flights))
 

@@ -365,13 +365,15 @@ class Run(RunState):
         replace_file(Path(path), film_of(page, settings, Path(path).suffix))
         return Path(path)
 
-    def card(self, path: str | Path, *, stage: str | Stage | None = None, verify: bool = True) -> Path:
-        """Draw a card of a flight, as `airrace card` does: a PNG of 1200 x 630 pixels; a file that exists is replaced.
+    def card(self, path: str | Path, *others: str, stage: str | Stage | None = None, verify: bool = True) -> Path:
+        """Draw a card of a flight, or of a duel with another one, as `airrace card` does: a PNG of 1200 x 630 pixels.
+
+        A file that exists is replaced.
 
         Raises:
             UsageError: there is no such stage, or Chromium is not found.
             StorageError: it fails, or the system refused.
         """
         ensure_card(Path(path))
-        replace_file(Path(path), card_of(report_page(self, stage, verify=verify)))
+        replace_file(Path(path), card_of(report_page(self, stage, others, verify=verify)))
         return Path(path)

@@ -133,11 +133,11 @@ def film(command_result: PrintedResult, function: "partial[WrittenFlights]") -> 
 
 @command(flights.card)
 def card(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
-    name = function.keywords["flight"]
-    _choose_output(command_result, function, name, "card.png")
+    names = function.args
+    _choose_output(command_result, function, names[0], "card.png")
     result = function()
     _verifications(command_result, result)
-    command_result.add_files(result.path, format="png", flights=[name])
+    command_result.add_files(result.path, format="png", flights=list(names))
 
 
 def _verifications(command_result: PrintedResult, result: WrittenFlights) -> "dict[str, Verification | None]":

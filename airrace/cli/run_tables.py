@@ -13,7 +13,7 @@ from airrace.flights.results.comparison import TIE, Comparison, compare_flights,
 from airrace.flights.results.flight_facts import Range, leg_facts
 from airrace.flights.results.time_loss import time_loss
 from airrace.optimal_control.quantities import KNOT
-from airrace.pages.views.comparison_tables import laps_table, lost_table
+from airrace.pages.views.comparison_tables import laps_table, loss_text, lost_table
 from airrace.pages.views.stage_tables import ONE_MESH, ROUGH, certificate_table, distance_table
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import RefinementReason, StageResult
@@ -200,7 +200,7 @@ def _loss_texts(comparison: Comparison) -> Iterator[str]:
     loss = time_loss(comparison)
     if loss.costliest:
         lines = (
-            paragraph(leg_loss.text, begin=f"  {number}. ") for number, leg_loss in enumerate(loss.costliest, start=1)
+            paragraph(loss_text(item), begin=f"  {number}. ") for number, item in enumerate(loss.costliest, start=1)
         )
         yield "\n".join([paragraph(f"{loss.title}:"), *lines])
 

@@ -16,7 +16,7 @@ from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.stage import Stage
 
 UNVERIFIABLE = (
-    "messages",
+    "messages and notes",
     "attempts and timings",
     "conflicts of limits",
     "routes that were tried",

@@ -16,6 +16,7 @@ from airrace.files.export.formats import formats
 from airrace.files.export.globe import clock_start, on_globe
 from airrace.flights.logs.reading import is_log
 from airrace.flights.results import Flight, Verification
+from airrace.flights.results.comparison import ensure_comparable
 from airrace.model.track.course import Origin
 from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.pages.views.stage_tables import claim
@@ -24,7 +25,7 @@ from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
 from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
-from airrace.runtime.standard_streams import stem_of
+from airrace.runtime.standard_streams import name_of
 
 if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
-    Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
+    Labels are as short as tells the flights apart: the name of the file, with the stage where one file gives several
     flights or a stage was named. A log that is not imported yet is aligned with the course of the first file that has
     one.
 
@@ -60,6 +61,10 @@ def _open_with_files(
     sources = [_source(name, opened, stage) for name in names]
     labels = _labels(names, sources)
     if verify is not None:
+        if len(sources) > 1:  # before anything is measured, which takes seconds
+            ensure_comparable(
+                [(label, source.inputs.race.course) for label, source in zip(labels, sources, strict=True)]
+            )
         from airrace.runs.verification import with_verification, with_verifications  # loads the solver
 
         for path, run_or_log in opened.items():
@@ -130,12 +135,14 @@ def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: 
 
 
 def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
-    """Return unique labels: the file's stem, its name with the stage, its path with the stage, at last a number."""
+    """Return unique labels: the file as it was named, without its folder and with the stage where that tells flights
+    apart, at last a number."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
+    files = [Path(name_of(name.path)).name for name in names]
     short = [
-        f"{stem_of(name.path)}:{stage}" if stage and (several or name.stage) else stem_of(name.path)
-        for name, stage in zip(names, stages, strict=True)
+        f"{file}:{stage}" if stage and (several or name.stage) else file
+        for name, file, stage in zip(names, files, stages, strict=True)
     ]
     if len(set(short)) < len(short):
         short = [f"{name.path}:{stage}" if stage else f"{name.path}" for name, stage in zip(names, stages, strict=True)]
@@ -356,7 +363,8 @@ def _stage_page(
     claim_text, verification = claim_of(run, view), view.verification or Verification(None)
     sections = stage_sections(view, searched_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
-    footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
+    message = f"noted when it was solved: {view.message}" if view.message else ""
+    footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", message, view.stale) if text)
     sections = [claim_section(claim_text, verification, view.stamp), *sections]
     return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
 

@@ -8,12 +8,20 @@ import numpy as np
 
 from airrace.flights.results import Flight, ReserveState, Stamp, Verification, laps_of
 from airrace.flights.results.clearances import Clearance, NearMiss, least_distances, near_misses
-from airrace.flights.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
+from airrace.flights.results.comparison import (
+    SHARES,
+    TIE,
+    Comparison,
+    Difference,
+    LegComparison,
+    compare_flights,
+    conditions,
+)
 from airrace.flights.results.flight import passings_around
 from airrace.flights.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
-from airrace.flights.results.time_loss import TimeLoss, time_loss
+from airrace.flights.results.time_loss import Loss, TimeLoss, loss_parts, time_loss
 from airrace.optimal_control.certificate import Certificate, SecondOrder
-from airrace.pages.views.comparison_tables import laps_table, lost_table
+from airrace.pages.views.comparison_tables import difference_text, laps_table, loss_text, lost_table
 from airrace.pages.views.stage_tables import certificate_table
 from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
 
@@ -335,32 +343,54 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
 
 
 def _loss_object(time_loss: TimeLoss) -> dict[str, object]:
+    legs = {leg.name: loss_parts(time_loss.comparison, leg) for loss in time_loss.losses for leg in loss.legs}
     return {
         "flight": time_loss.comparison.flight.label,
         "against": time_loss.comparison.reference.label,
-        "costliest": [
-            {"passing": loss.leg.name, "lost_s": loss.amount, "text": loss.text} for loss in time_loss.costliest
-        ],
+        "costliest": [_item_object(loss) for loss in time_loss.costliest],
+        "items": [_item_object(loss) for loss in time_loss.losses],
         "legs": [
             {
-                "from": loss.leg.reference.before.name,
-                "passing": loss.leg.name,
-                "lost_s": loss.amount,
-                **{f"by_{cause.value}_s": part for cause, part in loss.parts.items()},
+                "from": leg.reference.before.name,
+                "passing": leg.name,
+                "lost_s": leg.difference,
+                **{f"by_{cause.value}_s": part for cause, part in legs[leg.name].items()},
             }
             for loss in time_loss.losses
+            for leg in loss.legs
         ],
     }
 
 
+def _item_object(loss: Loss) -> dict[str, object]:
+    return {
+        "from": loss.begin,
+        "passing": loss.end,
+        "legs": [leg.name for leg in loss.legs],
+        "lost_s": loss.amount,
+        "parts": [
+            {
+                "cause": "all else" if part.cause is None else part.cause.value,
+                "by": "rest" if part.cause is None else part.cause.by,
+                "lost_s": part.amount,
+                "shown_s": part.hundredths / 100.0,
+                "facts": [_difference_object(fact) for fact in part.facts],
+            }
+            for part in loss.parts
+        ],
+        "text": loss_text(loss),
+    }
+
+
 def _difference_objects(leg: LegComparison) -> list[dict[str, object]]:
-    return [
-        {
-            "what": difference.name,
-            "reference": difference.reference,
-            "flight": difference.value,
-            "unit": difference.unit,
-            "text": difference.text,
-        }
-        for difference in leg.differences
-    ]
+    return [_difference_object(difference) for difference in leg.differences]
+
+
+def _difference_object(difference: Difference) -> dict[str, object]:
+    return {
+        "what": difference.name,
+        "reference": difference.reference,
+        "flight": difference.value,
+        "unit": difference.unit,
+        "text": difference_text(difference),
+    }

@@ -7,6 +7,7 @@ are made of it once more.
 
 import itertools
 import math
+import re
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
@@ -20,10 +21,10 @@ from airrace.flights.logs.violations import Violation
 from airrace.flights.results import Verification
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.quantities import Quantity
-from airrace.optimal_control.trajectory import Array
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure import procedure
 from airrace.procedure.fidelity import fidelity_of
-from airrace.procedure.result import HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
+from airrace.procedure.result import HARDLY_SLOWER, GateSplit, Note, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.schedule import stages_of_run
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
@@ -56,6 +57,8 @@ BORDERLINE = 0.2
 """The distance from a curvature at which kinds differ, as a fraction of it, within which nothing is decided."""
 CLAUSES_MAX = 4
 """The number of discrepancies that a sentence tells one by one."""
+SAME_STATE = 1e-2
+"""The largest difference of states, in their scales, by which two flights are the same one on two meshes."""
 SUM_ROUNDING = 1e-9
 """The largest difference between two sums of the same numbers, as a fraction."""
 
@@ -240,6 +243,29 @@ def inconsistencies(result: StageResult) -> Iterator[str]:
     for alternative in result.alternatives:
         if not alternative.holds or alternative.trajectory.race_time < fastest:
             yield f"an alternative does not hold, or is faster by more than {1e3 * HARDLY_SLOWER:.0f} ms"
+    for first, second in itertools.combinations((result, *result.alternatives), 2):
+        if _is_same_flight(first.trajectory, second.trajectory):
+            yield "an alternative is the flight itself, or another alternative"
+
+
+def _is_same_flight(first: Trajectory, second: Trajectory) -> bool:
+    """Return whether two flights of one course have the same states, at the same shares of every leg."""
+    if first.phases != second.phases:
+        return False
+    axes: list[Array] = []
+    for trajectory in (first, second):
+        legs = zip(trajectory.first_node, trajectory.first_node[1:], strict=False)
+        places = [
+            number
+            + (trajectory.time[begin : end + 1] - trajectory.time[begin]) / np.ptp(trajectory.time[begin : end + 1])
+            for number, (begin, end) in enumerate(legs)
+        ]
+        axes.append(np.concatenate([place[:-1] for place in places] + [[float(len(places))]]))
+    for quantity, row, other_row in zip(first.states, first.state, second.state, strict=True):
+        resampled = np.interp(axes[0], axes[1], np.asarray(other_row, np.float64))
+        if not np.allclose(resampled, row, rtol=0.0, atol=SAME_STATE * quantity.scale):
+            return False
+    return True
 
 
 def _start(result: StageResult) -> Iterator[str]:
@@ -256,6 +282,29 @@ def _start(result: StageResult) -> Iterator[str]:
         yield "the tracking error of the start is not possible"
 
 
+_COUNTS = r"(?:no|\d+) circles?, (?:no|\d+) push(?:es)?, (?:no|\d+) rolls? through inverted flight"
+_SIMPLER = re.compile(
+    rf"a route that saves (\d+\.\d) ms was left for a simpler one: {_COUNTS}, instead of {_COUNTS}", re.ASCII
+)
+
+
+def _is_written(note: Note, result: StageResult) -> bool:
+    """Return whether airrace could have written a note; what a start or a solver said is free text."""
+    match note.kind:
+        case NoteKind.PLANNED_PHASES:
+            begin, colon, phases = note.text.partition(": ")
+            return (
+                begin == "left as planned" and bool(colon) and set(phases.split(", ")) <= set(result.trajectory.phases)
+            )
+        case NoteKind.SIMPLER_ROUTE:
+            form = _SIMPLER.fullmatch(note.text)
+            return form is not None and float(form[1]) <= 1e3 * HARDLY_SLOWER
+        case NoteKind.MESH_CHECK:
+            return note.text.startswith("its race time could not be confirmed on a second mesh: ")
+        case NoteKind.START:
+            return ": " in note.text
+
+
 def _message(result: StageResult) -> Iterator[str]:
     guess = fidelity_of(result.stage).guess
     if result.is_flight and result.suggested_changes:
@@ -266,7 +315,7 @@ def _message(result: StageResult) -> Iterator[str]:
         NoteKind.SIMPLER_ROUTE: result.is_flight and not guess,
         NoteKind.MESH_CHECK: result.holds and not result.certified,
     }
-    strange = [note.text for note in result.notes if not possible[note.kind]]
+    strange = [note.text for note in result.notes if not (possible[note.kind] and _is_written(note, result))]
     if result.message and (result.holds or guess):
         strange.append(result.message)
     for text in strange:

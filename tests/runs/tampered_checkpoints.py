@@ -190,6 +190,13 @@ def with_alternative(checkpoint: Checkpoint) -> Checkpoint:
     return point_mass("alternatives", (slower,))(checkpoint)
 
 
+def with_itself(checkpoint: Checkpoint) -> Checkpoint:
+    """The flight once more, as its own alternative."""
+    stored = checkpoint.stage(POINT_MASS)
+    assert stored is not None
+    return point_mass("alternatives", (stored.result,))(checkpoint)
+
+
 def shorter(stage_of_run: Stage) -> Tampering:
     """All legs and the axis, a thousandth shorter."""
     return stage(stage_of_run, ("trajectory.time", times(0.999)), ("trajectory.durations", times(0.999)))
@@ -266,6 +273,8 @@ FOUND: dict[str, Tampering] = {
     "a message of a guess": guess("message", "certified by the race director"),
     "a note of a guess": last("notes", (Note(NoteKind.PLANNED_PHASES, "left as planned"),)),
     "a note on a mesh check": last("notes", (Note(NoteKind.MESH_CHECK, "not confirmed"),)),
+    "a note on a simpler route": last("notes", (Note(NoteKind.SIMPLER_ROUTE, "approved by the race director"),)),
+    "a note on the start": point_mass("notes", (Note(NoteKind.START, "approved by the race director"),)),
     "cost of the regularisation": last("provenance.regularisation", 0.0),
     "start of a stage": last("provenance.source_stage", "six-dof"),
     "start from another run": last(
@@ -291,6 +300,7 @@ FOUND: dict[str, Tampering] = {
     "stage in the middle dropped": without(POINT_MASS),
     "last stage dropped": without(TRANSFER),
     "an alternative": with_alternative,
+    "an alternative that is the flight itself": with_itself,
     "seconds of the solver": last("timings.solve", 0.001),
     "endless seconds": last("timings.wall", math.inf),
     "no attempts": point_mass("attempts", ()),

@@ -21,7 +21,7 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.flights.results.flight import Basis, Flight, Lap, Leg, laps_of, legs_of, way
 from airrace.model.environment import Air
-from airrace.model.track.course import PilotLimits, Rules
+from airrace.model.track.course import Course, PilotLimits, Rules
 from airrace.optimal_control.quantities import KNOT, Interval
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.formulation import passings_of
@@ -40,7 +40,8 @@ class Difference:
         name: what it is, e.g. `roll_begins`.
         reference, value: its values in the reference and in the flight.
         unit: of both.
-        text: the difference in words, of the flight, e.g. "rolls 0.06 s later".
+        words: of the flight, e.g. "rolls {} later"; `{}` stands for the difference with its unit.
+        digits: decimals of the difference in words.
         weight: the difference over the least that is reported; at least 1.
     """
 
@@ -48,7 +49,8 @@ class Difference:
     reference: float
     value: float
     unit: str
-    text: str
+    words: str
+    digits: int
     weight: float
 
 
@@ -61,8 +63,8 @@ class LegMeasure:
         of: from a flight and its leg to the value; NaN where it is unknown.
         unit: of the value.
         least: the smallest difference that is reported, in that unit.
-        more, less: the words for a flight whose value is larger or smaller; `{}` stands for the difference. Empty
-            where that is unknown.
+        more, less: the words for a flight whose value is larger or smaller; `{}` stands for the difference with its
+            unit. Empty where that is unknown.
         digits: decimals of the difference in words.
         most: a larger difference is not reported: something else has been measured in the one flight than in the other.
     """
@@ -90,8 +92,8 @@ def differences(
         apart = abs(second - first)
         words = measure.more if second > first else measure.less
         if words and measure.least <= apart <= measure.most:  # NaN is no difference
-            text = words.format(f"{apart:.{measure.digits}f}")
-            reported.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
+            weight = apart / measure.least
+            reported.append(Difference(measure.name, first, second, measure.unit, words, measure.digits, weight))
     return tuple(sorted(reported, key=lambda difference: -difference.weight)[:most])
 
 
@@ -120,40 +122,36 @@ def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
 
 
 MEASURES = (
-    LegMeasure("roll_begins", _roll_begins, "s", 0.02, "rolls {} s later", "rolls {} s earlier", 2, most=1.0),
-    LegMeasure(
-        "speed_in", lambda _, leg: leg.before.value("V_K") / KNOT, "kt", 0.5, "{} kt faster in", "{} kt slower in", 1
-    ),
+    LegMeasure("roll_begins", _roll_begins, "s", 0.02, "rolls {} later", "rolls {} earlier", 2, most=1.0),
+    LegMeasure("speed_in", lambda _, leg: leg.before.value("V_K") / KNOT, "kt", 0.5, "{} faster in", "{} slower in", 1),
     LegMeasure(
         "least_speed",
         lambda flight, leg: float(flight.values("V_K")[leg.rows].min()) / KNOT,
         "kt",
         1.0,
-        "slowest {} kt faster",
-        "slowest {} kt slower",
+        "slowest {} faster",
+        "slowest {} slower",
         1,
     ),
-    LegMeasure(
-        "way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 1.0, "{} m longer way", "{} m shorter way", 0
-    ),
+    LegMeasure("way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 1.0, "{} longer way", "{} shorter way", 0),
     LegMeasure(
         "greatest_height",
         lambda flight, leg: float(flight.values("height")[leg.rows].max()),
         "m",
         1.0,
-        "{} m higher",
-        "{} m lower",
+        "{} higher",
+        "{} lower",
         0,
     ),
-    LegMeasure("mean_load_factor", _mean_load_factor, "g", 0.1, "{} g more on average", "{} g less on average", 1),
-    LegMeasure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} g more", "pulls {} g less", 1),
+    LegMeasure("mean_load_factor", _mean_load_factor, "g", 0.1, "{} more on average", "{} less on average", 1),
+    LegMeasure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} more", "pulls {} less", 1),
     LegMeasure(
         "energy_lost",
         lambda _, leg: leg.before.value("h_E") - leg.after.value("h_E"),
         "m",
         3.0,
-        "loses {} m more energy",
-        "loses {} m less energy",
+        "loses {} more energy",
+        "loses {} less energy",
         0,
     ),
 )
@@ -322,7 +320,7 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     Raises:
         UsageError: the courses have other passings; names the first that differs.
     """
-    ensure_comparable(reference, other)
+    ensure_comparable([(flight.label, flight.course) for flight in (reference, other)])
     starts = reference.crossings[0].time, other.crossings[0].time
     legs: list[LegComparison] = []
     distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
@@ -349,22 +347,22 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     return Comparison(reference, other, tuple(legs), progress)
 
 
-def ensure_comparable(reference: Flight, other: Flight) -> None:
-    """Refuse flights of courses with other passings.
+def ensure_comparable(courses: Sequence[tuple[str, Course]]) -> None:
+    """Refuse flights of courses with other passings than the first.
+
+    Args:
+        courses: what the flights are called, and their courses.
 
     Raises:
         UsageError: naming the first passing that differs.
     """
-    passings, other_passings = (passings_of(flight.course) for flight in (reference, other))
-    for number, (passing, other_passing) in enumerate(zip(passings, other_passings, strict=False)):
-        if passing != other_passing:
-            first, second = (f"{name} ({kind})" for name, kind in (other_passing, passing))
-            raise UsageError(
-                f"{other.label} and {reference.label} cannot be compared: passing {number} "
-                f"is {first} in the one and {second} in the other"
-            )
-    if len(passings) != len(other_passings):
-        raise UsageError(
-            f"{other.label} and {reference.label} cannot be compared: "
-            f"the one has {len(other_passings)} passings, the other {len(passings)}"
-        )
+    (label, course), *more_courses = courses
+    passings = passings_of(course)
+    for other_label, other_course in more_courses:
+        both, other_passings = f"{other_label} and {label} cannot be compared", passings_of(other_course)
+        for number, (passing, other_passing) in enumerate(zip(passings, other_passings, strict=False)):
+            if passing != other_passing:
+                first, second = (f"{name} ({kind})" for name, kind in (other_passing, passing))
+                raise UsageError(f"{both}: passing {number} is {first} in the one and {second} in the other")
+        if len(passings) != len(other_passings):
+            raise UsageError(f"{both}: the one has {len(other_passings)} passings, the other {len(passings)}")

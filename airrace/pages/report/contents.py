@@ -6,6 +6,7 @@ The object, with the format's name first:
     course          elements, crowd, obstacles, lines, airspace, frame: see below
     flights         the flights, the first of which the page is about; the others are its ghosts
       label           what tells it from the others
+      stamp           what it is: stage, certificate, aircraft, air
       aircraft        {name, span}: span of its wing, m
       race_time       s; null where the flight has not made the first and the last passing
       passings        [{name, lap, time}], in their order: the element's name, and which lap it belongs to
@@ -233,6 +234,7 @@ def _flight(flight: Flight, label: str) -> dict[str, object]:
     histories |= {name: flight[name] / strip.factor for strip in STRIPS for name, _ in strip.lines if name in flight}
     return {
         "label": label,
+        "stamp": flight.stamp.text,
         "aircraft": {"name": flight.aircraft.name, "span": flight.aircraft.airframe.b},
         "race_time": flight.race_time if math.isfinite(flight.race_time) else None,
         "passings": [

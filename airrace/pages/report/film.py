@@ -195,7 +195,7 @@ def ensure_card(path: Path) -> None:
 
 
 def card_of(page: str) -> bytes:
-    """Return a card of the first flight of a report as PNG, bit by bit the same for the same report.
+    """Return a card of the flights of a report as PNG, bit by bit the same for the same report.
 
     Raises:
         UsageError: Chromium is not found.

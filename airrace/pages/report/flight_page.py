@@ -24,7 +24,7 @@ from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.contents import as_json, clock_start, contents_of
 from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
 from airrace.pages.report.sections import capitalise, note, number, section, table_section
-from airrace.pages.views.comparison_tables import lost_table
+from airrace.pages.views.comparison_tables import loss_text, lost_table
 from airrace.pages.views.cue_tables import NOTE, cue_table
 from airrace.pages.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.pages.views.plain_text import escape_html, plain
@@ -86,13 +86,11 @@ def flight_page(
     style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
     script = page_script()
     misses = len(near_misses(first))
-    near = f", {misses} pylons too near" if misses else ""
+    near = f", {misses} pylon{'' if misses == 1 else 's'} too near" if misses else ""
     verification = first.source.verification
-    unsure = verification is not None and verification.verified is None
-    refuted = verification is not None and verification.verified is False
     outcome = "" if verification is None or verification.verified else f"; {verification.outcome}"
-    good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
-    look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
+    state = html.escape(f"{first.source.state or 'recorded'}{near}")
+    look = f'class="verdict {_colour(first, misses)}" data-state="{state}"'
     words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
     verdict = f"<div {look}>{words}</div>"
     if claimed:
@@ -121,6 +119,19 @@ def flight_page(
         contents=as_json(contents_of(flights, comparisons, map_, envelope)),
         script=script,
     )
+
+
+def _colour(flight: Flight, misses: int) -> str:
+    """Return the colour of the badge: bad for what was refuted or does not hold, never for what is verified."""
+    verification = flight.source.verification
+    if verification is not None and verification.verified is False:
+        return "bad"
+    verified = verification is not None and bool(verification.verified)
+    if flight.source.doubtful and not verified:
+        return "bad"
+    if misses:
+        return "caution"
+    return "unsure" if flight.source.doubtful or not (verified or verification is None) else "good"
 
 
 def _hash(text: str) -> str:
@@ -237,7 +248,7 @@ def loss_section(comparison: Comparison, map_: MapModel) -> str:
     coloured = by_loss(loss.comparison)
     lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in (other, reference)]
     plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
-    words = "".join(f"<li>{escape_html(leg_loss.text)}</li>" for leg_loss in loss.costliest)
+    words = "".join(f"<li>{escape_html(loss_text(item))}</li>" for item in loss.costliest)
     loss_list = f"<p>{escape_html(capitalise(loss.title))}:</p><ol>{words}</ol>" if words else ""
     legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
     return section(f"Where the time of {other.label} went", f'{loss_list}<div class="scroll">{plan}</div>{legend}')

@@ -1,10 +1,12 @@
-"""The tables of two flights held against each other: laps and legs."""
+"""Two flights held against each other, for people: tables of laps and legs, and what costs the slower one its time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from airrace.flights.results.comparison import Comparison, LegComparison
-from airrace.pages.views.tables import Cell, Column, Table, Value
+from airrace.flights.results.comparison import Comparison, Difference, LegComparison
+from airrace.flights.results.time_loss import Cause, Loss, Part
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
 
 _LAPS = (
     Column("lap", form="d", key="lap"),
@@ -38,7 +40,12 @@ _LEGS_OF_REPORT = (*_LEGS[:_CUMULATIVE], Column("in all", "s", "+z.3f"), *_LEGS[
 
 
 def lost_table(
-    legs: Sequence[LegComparison], title: str = "", *, begin: float | None = None, notes: Sequence[str] = ()
+    legs: Sequence[LegComparison],
+    title: str = "",
+    *,
+    begin: float | None = None,
+    notes: Sequence[str] = (),
+    units: Units = RACE,
 ) -> Table:
     """Return a table of the time lost on legs, and of what the other flight does differently there.
 
@@ -48,6 +55,7 @@ def lost_table(
         begin: the time at which a report's clock starts, s, to which a click on a leg leads; None without one. A report
             has the sum of the times lost, too, and words for a tie.
         notes: sentences that belong to it.
+        units: of speeds and lengths in words.
     """
     rows: list[tuple[Cell | Value, ...]] = []
     for leg in legs:
@@ -56,6 +64,62 @@ def lost_table(
             name = replace(name, time=before.time - begin if before.found else None)
             loss = replace(loss, text="a tie" if leg.tie else None)
         times = (leg.reference.time, leg.flight.time, loss, leg.tie, leg.cumulative, leg.by_way, leg.by_speed)
-        differences = ("; " if begin is None else ", ").join(difference.text for difference in leg.differences)
+        differences = ("; " if begin is None else ", ").join(
+            difference_text(difference, units) for difference in leg.differences
+        )
         rows.append((name, leg.reference.lap, *times, differences))
     return Table(title, _LEGS if begin is None else _LEGS_OF_REPORT, rows, notes)
+
+
+def difference_text(difference: Difference, units: Units = RACE) -> str:
+    """Return what a flight does otherwise, in words."""
+    apart, unit = abs(difference.value - difference.reference), difference.unit
+    if unit == "kt":
+        apart, unit = apart * KNOT * units.per_m_s, units.speed
+    elif unit == "m":
+        apart, unit = apart * units.per_m, units.length
+    return difference.words.format(f"{apart:.{difference.digits}f} {unit}")
+
+
+WORDS: Mapping[Cause | None, tuple[str, str]] = {
+    Cause.WAY: ("a longer way", "a shorter way"),
+    Cause.ENTRY: ("a slower entry", "a faster entry"),
+    Cause.HEIGHT: ("climbing", "descending"),
+    Cause.LIFT: ("more drag of lift", "less drag of lift"),
+    Cause.CARRIED: ("less speed on the legs behind", "more speed on the legs behind"),
+    Cause.DRAG: ("an aircraft with more drag for its mass", "an aircraft with less drag for its mass"),
+    Cause.POWER: ("an aircraft with less power for its mass", "an aircraft with more power for its mass"),
+    Cause.ENERGY: ("a greater loss of energy", "a smaller loss of energy"),
+    None: ("all else", "all else"),
+}
+"""The words for each cause where it costs time, and where it gains some; None for those too small to be named."""
+
+
+def loss_head(loss: Loss) -> str:
+    """Return how much is lost, and where, in words."""
+    text = f"{loss.hundredths / 100.0:.2f} s from {loss.begin} to {loss.end}"
+    turning_point = loss.turning_point
+    if not turning_point:
+        return text if len(loss.legs) == 1 else f"{text}, {len(loss.legs)} legs"
+    peak = round(100.0 * sum(leg.difference for leg in loss.legs[:turning_point]))
+    back = peak - loss.hundredths
+    first, second = ("lost", "won back behind") if peak > 0 else ("won", "lost behind")
+    lost, name = f"{abs(peak) / 100.0:.2f} s {first}", loss.legs[turning_point - 1].name
+    return f"{text}: {lost} to {name}, {abs(back) / 100.0:.2f} s {second}"
+
+
+def part_text(part: Part, units: Units = RACE) -> str:
+    """Return a part of a loss in words."""
+    costs, wins = WORDS[part.cause]
+    facts = ", ".join(difference_text(fact, units) for fact in part.facts)
+    amount = f"{abs(part.hundredths) / 100.0:.2f} s"
+    text = f"{amount} by {costs}" if part.hundredths >= 0 else f"{amount} won by {wins}"
+    return f"{text} ({facts})" if facts else text
+
+
+def loss_text(loss: Loss, units: Units = RACE) -> str:
+    """Return a loss in words, what the pilot flies before what the aircraft is."""
+    clauses = [part_text(part, units) for part in loss.parts if part.hundredths]
+    clauses += [difference_text(fact, units) for fact in loss.leaving]
+    separator = "; " if loss.turning_point else ": "
+    return separator.join([loss_head(loss), *(["; ".join(clauses)] if clauses else [])])

@@ -28,6 +28,6 @@ def test_what_is_told_of_a_log_does_not_hang_on_its_noise(seed: int, tmp_path: P
         path.write_text(text)
         flights.append(flight_from_log(read_log(path), race(), label=name).flight)
     first = time_loss(compare_flights(*flights)).costliest[0]
-    assert first.leg.name == "1:g5"
+    assert "1:g5" in [leg.name for leg in first.legs]
     assert first.amount == pytest.approx(0.1 * (end - begin), abs=0.03)
-    assert Cause.LIFT not in first.causes
+    assert first.causes[Cause.LIFT] == 0.0

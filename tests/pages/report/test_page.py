@@ -33,6 +33,7 @@ from airrace.pages.report.contents import FORMAT, STRIPS, as_json, contents_of, 
 from airrace.pages.report.flight_page import flight_page
 from airrace.pages.report.script import FOLDER, LIBRARIES, join_modules, page_script
 from airrace.pages.report.sections import claim_section, number, search_section
+from airrace.pages.views.comparison_tables import difference_text
 from airrace.pages.views.map_model import map_model
 from airrace.pages.views.tables import Cell, Column, Table
 from airrace.procedure.result import OPTIMUM, Route, SearchReport, Status
@@ -189,7 +190,7 @@ def test_the_legs_come_with_what_differs_and_what_they_come_near_to() -> None:
     comparison = compare_flights(half_cuban().flight(), windy().flight(label="windy"))
     page = flight_page([comparison.reference, comparison.flight])
     cells = set(read(page).texts["td"])
-    assert {", ".join(one.text for one in leg.differences) for leg in comparison.legs} <= cells
+    assert {", ".join(map(difference_text, leg.differences)) for leg in comparison.legs} <= cells
     assert "Wind: 20 kt from 70 deg against none." in page
     for facts in leg_facts(comparison.reference):
         assert {facts.clearances[0].text, number(facts.clearances[0].distance, 1)} <= cells
@@ -224,7 +225,16 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
         "elevation",
         "frame",
     ]
-    assert list(page["flights"][0]) == ["label", "aircraft", "race_time", "passings", "time", "histories", "envelope"]
+    assert list(page["flights"][0]) == [
+        "label",
+        "stamp",
+        "aircraft",
+        "race_time",
+        "passings",
+        "time",
+        "histories",
+        "envelope",
+    ]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
     assert list(page["colours"][0]) == ["title", "history", "unit", "digits", "signed"]
     assert list(page["differences"][0]) == ["flight", "time", "difference"]
@@ -389,7 +399,7 @@ def run_report(*words: object) -> Result:
 def test_a_run_becomes_a_page_and_replaces_a_file_only_by_force(folder: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     ran = run_report(folder / "still.h5", "--output", page)
-    said = f"{page} is written; any browser opens it\n\nstill: verified\n"
+    said = f"{page} is written; any browser opens it\n\nstill.h5: verified\n"
     assert (ran.exit_code, ran.output) == (ExitCode.DONE, said)
     parsed = read(page.read_text(encoding="utf-8"))
     assert parsed.texts["h1"] == ["Half Cuban Eight"]
@@ -435,7 +445,7 @@ def test_flights_of_another_course_are_refused_with_a_sentence(folder: Path, tmp
     assert run_report(still, same, "--output", tmp_path / "a.html").exit_code == ExitCode.DONE
     ran = run_report(still, other, "--output", tmp_path / "b.html")
     assert ran.exit_code == ExitCode.USAGE
-    assert "other:homotopy and still:point-mass cannot be compared" in " ".join(ran.output.split())
+    assert "other.h5:homotopy and still.h5:point-mass cannot be compared" in " ".join(ran.output.split())
     assert not (tmp_path / "b.html").exists()
 
 

@@ -31,6 +31,8 @@ export class Flight {
   constructor(flight, number) {
     this.number = number;
     this.label = flight.label;
+    this.stamp = flight.stamp;
+    this.raceTime = flight.race_time; // null where it did not finish
     this.aircraft = flight.aircraft;
     this.passings = flight.passings;
     this.time = numbersOf(flight.time);

@@ -259,7 +259,7 @@ export class Graphics {
 
 const NAMES = 15; // pixels high, in a picture of FULL
 const THICK = 2.2; // of the line on a card, against that of the page
-const VERDICTS = { good: "#57e389", bad: "#ff7b6b", unsure: "#c7d4df" }; // colours, by the badge of the page
+const VERDICTS = { good: "#57e389", bad: "#ff7b6b", caution: "#ffc24d", unsure: "#c7d4df" }; // colours, by the badge of the page
 const QUALITY = 0.94;
 const CARD = { elevation: 0.2 }; // rad, of the eye: so low that the horizon is seen
 const CARD_SHARE = 0.12; // of the race, at which the aircraft is shown on a card
@@ -281,16 +281,15 @@ export class Film {
     return this.sheet.toDataURL("image/jpeg", QUALITY).split(",")[1];
   }
 
-  /** The card of the first flight as base64 of a PNG: its line over the course, and what the head of the page tells. */
+  /** The card of all flights as base64 of a PNG: their lines over the course, and what the head of the page tells. */
   card(width, height) {
     const { actors, views } = this.scene;
     const view = views.get("orbit");
     view.home();
     Object.assign(view, CARD);
-    actors.forEach(({ flight }) => Object.assign(flight, { visible: flight.number === 0 }));
     this.scene.enlarged = ENLARGED;
     const context = this.drawn(CARD_SHARE * actors[0].flight.duration, view, width, height, [110, 165], THICK);
-    this.head(context, width, height);
+    this.head(context, width, height, actors.map(({ flight }) => flight));
     return this.sheet.toDataURL("image/png").split(",")[1];
   }
 
@@ -302,7 +301,19 @@ export class Film {
     return context;
   }
 
-  head(context, width, height) {
+  /** The faster of two flights above, each in the colour of its line, with the gap behind the slower one. */
+  duel(write, width, height, flights, name) {
+    const ranked = [...flights].sort((a, b) => (a.raceTime ?? Infinity) - (b.raceTime ?? Infinity));
+    write(name, 48, height - 84, 58, 700, "#ffffff", "left", 520);
+    for (const [row, { label, number, raceTime, stamp }] of ranked.entries()) {
+      const gap = row && raceTime !== null ? ` (${signed(raceTime - ranked[0].raceTime, 3)})` : "";
+      const time = raceTime === null ? "not finished" : `${written(raceTime, 3)} s${gap}`;
+      write(`${label}  ${time}`, width - 48, height - 122 + 46 * row, 36, 700, tagColour(number), "right", 560);
+      write(`${label}: ${stamp}`, 50, height - 40 + 24 * row, 17, 500, "#c7d4df", "left", width - 100);
+    }
+  }
+
+  head(context, width, height, flights) {
     const text = (selector) => document.querySelector(selector)?.innerText.replace(/\s+/g, " ").trim() ?? "";
     const dark = context.createLinearGradient(0, height - 260, 0, height);
     dark.addColorStop(0, "rgba(6, 14, 22, 0)");
@@ -316,6 +327,10 @@ export class Film {
       context.fillText(words, x, y, within);
     };
     context.textBaseline = "alphabetic";
+    if (flights.length > 1) {
+      this.duel(write, width, height, flights, text("h1"));
+      return;
+    }
     write(text("h1"), 48, height - 84, 58, 700, "#ffffff", "left", 760);
     write(text(".mast p"), 50, height - 46, 25, 500, "#c7d4df", "left", 800);
     write(text(".mast .stamp"), 50, height - 16, 17, 500, "#c7d4df", "left", width - 100);
