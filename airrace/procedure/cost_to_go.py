@@ -23,7 +23,9 @@ from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.soft_start import soften_start
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
-from airrace.optimal_control.trajectory import Array, Trajectory
+from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.system import System
+from airrace.optimal_control.trajectory import Array, Indices, Trajectory
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.solver_session import SolverSession
@@ -48,11 +50,15 @@ VELOCITY_SECONDS = 0.5
 loop is not left where it crosses itself."""
 JOINING_SPEED = 10.0
 """The difference of speeds within which it does, m/s; the costate of the speed holds nearby."""
-RELAXED_MIN = 1e-3
+UNKNOWN_FACTOR = 10.0
+"""The factor on the usual deviation of a state that was not measured."""
+RELAXED_MIN = 0.02
 """The deviations from which on a start has given way (1); the barrier leaves less."""
 SPEED = "V_K"
 COUNTERS = ("Phi", "gain")
 """The states that count rolls; they begin anew where they matter."""
+CHANGED = 0.5
+"""The share of the box by which a state has changed noticeably (1)."""
 PLACE_NAMES = ("x", "y", "z", SPEED, *QUATERNION)
 """The states that every model has, by which the place of one is found."""
 
@@ -93,25 +99,89 @@ class Continuation:
     seconds: float
 
     @property
-    def is_relaxed(self) -> bool:
-        """Whether the start had to give way noticeably."""
-        return bool(self.changes)
-
-    def uncertainty(self, deviations: Mapping[str, float]) -> float:
-        """Return the standard deviation of the cost by those of the states, s; as if they were independent."""
-        return math.hypot(*(self.prices[name] * deviations.get(name, 0.0) for name in self.prices))
-
-    @property
     def text(self) -> str:
         """What had to give way, in words; empty where nothing had to."""
-        if not self.changes:
-            return "" if self.solved else "no better flight than back to the optimum's line was found from this state"
+        if not self.solved:
+            return "no better flight was found from this state than back to the optimum's line"
         words = [f"{name} {change:+.2g} {_UNITS.get(name, '')}".rstrip() for name, change in self.changes.items()]
+        if not words:
+            return ""
+        if self.relaxed < RELAXED_MIN:
+            return f"taken within the aircraft's limits: {', '.join(words)}"
         reason = f" ({self.binding})" if self.binding else ""
         return f"no flight leads on from this state, or hardly one{reason}; the nearest begins with {', '.join(words)}"
 
 
 _UNITS = {"x": "m north", "y": "m east", "z": "m down", "V_K": "m/s", "n_z": "g", "n_y": "g", "p_Kbar": "rad/s"}
+
+
+@dataclass(frozen=True, eq=False)
+class _MeasuredStart:
+    """A state from which a flight is to begin: as measured and within its limits, shape (n_x,), and its deviations."""
+
+    names: Sequence[str]
+    measured: Array
+    state: Array
+    sigma: Mapping[str, float]
+
+    @property
+    def named(self) -> dict[str, float]:
+        """The state by name."""
+        return dict(zip(self.names, self.state.tolist(), strict=True))
+
+    def aligned(self, near: Array) -> "_MeasuredStart":
+        """Return it with a unit quaternion on the side of another state's."""
+        rows = [self.names.index(name) for name in QUATERNION]
+        measured, state = self.measured.copy(), self.state.copy()
+        q = state[rows]
+        measured[rows] = state[rows] = q / math.copysign(max(float(np.linalg.norm(q)), 1e-9), float(q @ near[rows]))
+        return replace(self, measured=measured, state=state)
+
+    def apart(self, guess: Iterate) -> float:
+        """Return the deviations by which a guess begins elsewhere."""
+        spread = np.array([self.sigma[name] for name in self.names])
+        return float((np.abs(self.state - guess.state[:, 0]) / spread).max())
+
+    def changes(self, begins: Array, relaxed: float) -> dict[str, float]:
+        """Return how a flight that begins in a state has noticeably changed what was measured."""
+        begins = begins if relaxed > RELAXED_MIN else self.state
+        changes: dict[str, float] = {}
+        for name, change in zip(self.names, (begins - self.measured).tolist(), strict=True):
+            if abs(change) > max(CHANGED * relaxed, RELAXED_MIN) * self.sigma[name]:
+                changes[name] = change
+        return changes
+
+
+class _Attempts:
+    """The solves for one state: with the state itself in the guess, then from the optimum's, which is a flight."""
+
+    def __init__(self, session: SolverSession, problem: Problem, start: _MeasuredStart) -> None:
+        self._session, self._problem, self._start = session, problem, start
+        self.iterations, self.seconds = 0, 0.0
+
+    def solve(self, guess: Iterate, multipliers: Multipliers) -> Solution | None:
+        """Return the optimum; None if none is found.
+
+        Args:
+            guess: the optimum's flight.
+            multipliers: of the limits there.
+        """
+        near = replace(guess, state=guess.state.copy())
+        near.state[:, 0] = self._start.state
+        solution = self._attempt(augment(near, 0.0), multipliers, InitialBarrier.OTHER_MESH)
+        if solution is not None and solution.success:
+            return solution
+        solution = self._attempt(augment(guess, self._start.apart(guess)), multipliers, InitialBarrier.COARSE)
+        return solution if solution is not None and solution.success else None
+
+    def _attempt(self, guess: Iterate, multipliers: Multipliers, barrier: InitialBarrier) -> Solution | None:
+        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value, curvature=False)
+        session, purpose = self._session, "the cost to go"
+        primary = session.solvers[0]
+        solution = session.attempt(self._problem, guess, purpose, primary, options, multipliers, beyond_budget=True)
+        if solution is not None:  # the solver came back in time
+            self.iterations, self.seconds = self.iterations + solution.iterations, self.seconds + solution.seconds
+        return solution
 
 
 class CostToGo:
@@ -173,82 +243,70 @@ class CostToGo:
         Raises:
             SolverCrash: the solver process died.
         """
-        time, usual = self.time_of(state, leg), usual_deviations(self.states)
-        measured = {**self.state_at(time), **{name: state[name] for name in self._names if name in state}}
-        sigma = {
-            name: (deviations or {}).get(name, usual[name]) * (1.0 if name in state else 10.0) for name in self._names
-        }
-        limited = self._within_limits(measured, leg)
+        time = self.time_of(state, leg)
+        start = self._start(state, leg, time, deviations)
         last = len(self.problem.phases) if gates is None else min(leg + gates, len(self.problem.phases))
         rest, guess, node = self._rest(leg, time, last)
         behind = 0.0
         if last < len(self.problem.phases):
             rest, behind = self._joining(rest, last)
-        now = np.array([limited[name] for name in self._names])
-        if now[self._quaternion] @ guess.state[self._quaternion, 0] < 0.0:
-            now[self._quaternion] *= -1.0
-        spread = np.array(list(sigma.values()))
-        crossing = self.flight.observation
-        values = self.problem.start.values[: len(crossing.parameters)]
-        start = Boundary("now", {"attitude_norm": Interval.exactly(1.0)}, crossing, values)
-        soft = soften_start(
-            replace(rest, start=start), dict(zip(self._names, now.tolist(), strict=True)), sigma, weight=price
-        )
-        apart = float((np.abs(now - guess.state[:, 0]) / spread).max())
-        near = Iterate(guess.durations, guess.state.copy(), guess.control)
-        near.state[:, 0] = now
-        layout = Layout(soft)
+        start = start.aligned(guess.state[:, 0])
+        free, durations = _free_first(replace(rest, start=self._norm), guess.durations)
+        soft = soften_start(free, start.named, start.sigma, weight=price)
+        layout, attempts = Layout(soft), _Attempts(session, soft, start)
         multipliers = self._multipliers_of(layout, node, price)
-        attempts = (
-            (near, 0.0, multipliers, InitialBarrier.OTHER_MESH),
-            (guess, apart, multipliers, InitialBarrier.COARSE),
-        )
-        iterations, seconds = 0, 0.0
-        for iterate, size, known, barrier in attempts:
-            options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value, curvature=False)
-            solution = session.attempt(
-                soft, augment(iterate, size), "the cost to go", session.solvers[0], options, known, beyond_budget=True
-            )
-            if solution is None:  # the solver did not come back in time
-                continue
-            iterations, seconds = iterations + solution.iterations, seconds + solution.seconds
-            if solution.success:
-                break
-        else:
-            solution = None
-        iterate, relaxed = (guess, apart) if solution is None else project(solution.iterate)
+        solution = attempts.solve(replace(guess, durations=durations), multipliers)
+        iterate, relaxed = (guess, start.apart(guess)) if solution is None else project(solution.iterate)
+        if len(iterate.durations) > len(rest.phases):  # its first interval is a phase
+            first, second, *others = iterate.durations.tolist()
+            iterate = replace(iterate, durations=np.array([first + second, *others]))
+            rest = _with_first_share(rest, first / (first + second))
         prices = dict(zip(self._names, self._costates[:, max(node - 1, 0)].tolist(), strict=True))
         binding = ""
         if solution is not None:
             prices, binding = self._prices(layout, solution.multipliers), _binding(layout, solution.multipliers)
         following = sum(weight * iterate.state[self._names.index(name), -1] for name, weight in _costs(rest).items())
-        changes = {name: limited[name] - measured[name] for name in self._names if limited[name] != measured[name]}
-        if relaxed > RELAXED_MIN:
-            for row, name in enumerate(self._names):
-                change = float(iterate.state[row, 0] - now[row])
-                if abs(change) > 0.5 * relaxed * sigma[name]:
-                    changes[name] = changes.get(name, 0.0) + change
         return Continuation(
             trajectory=trajectory_of(rest, iterate),
             cost=float(iterate.durations.sum()) + behind + float(following) + price * relaxed,
             relaxed=relaxed,
-            changes=changes,
+            changes=start.changes(iterate.state[:, 0], relaxed),
             binding=binding,
             prices=prices,
             leg=leg,
             time=time,
             solved=solution is not None,
-            iterations=iterations,
-            seconds=seconds,
+            iterations=attempts.iterations,
+            seconds=attempts.seconds,
         )
 
-    def _within_limits(self, state: Mapping[str, float], leg: int) -> dict[str, float]:
-        """Return a state of which nothing is beyond its own limits: there, what the aircraft cannot do is not known."""
-        limited: dict[str, float] = {}
+    @property
+    def _norm(self) -> Boundary:
+        """The start of every rest, besides its state: a unit quaternion."""
+        crossing = self.flight.observation
+        values = self.problem.start.values[: len(crossing.parameters)]
+        return Boundary("now", {"attitude_norm": Interval.exactly(1.0)}, crossing, values)
+
+    def _start(
+        self, state: Mapping[str, float], leg: int, time: float, deviations: Mapping[str, float] | None
+    ) -> "_MeasuredStart":
+        """Return a state as a start: completed by the optimum's, of which nothing is beyond its own limits.
+
+        What an aircraft would do that is beyond the limits of a state is not known.
+        """
+        known = self.state_at(time)
+        sigma = {**usual_deviations(self.states), **(deviations or {})}
+        measured: list[float] = []
+        limited: list[float] = []
         for quantity in self.states:
+            name = quantity.name
+            if name not in state:
+                sigma[name] *= UNKNOWN_FACTOR
             limits = narrow_range(quantity, self.problem.phases[leg].bounds)
-            limited[quantity.name] = min(max(state[quantity.name], limits.lower), limits.upper)
-        return limited
+            measured.append(state.get(name, known[name]))
+            limited.append(min(max(measured[-1], limits.lower), limits.upper))
+        own = {name: sigma[name] for name in self._names}
+        return _MeasuredStart(self._names, np.array(measured), np.array(limited), own)
 
     def _prices(self, layout: Layout, multipliers: Multipliers) -> dict[str, float]:
         """Return the derivatives of the cost by the states in which the rest begins."""
@@ -343,13 +401,48 @@ def _cut(phase: Phase, node: int, share: float) -> tuple[Phase, float]:
     return rest, left
 
 
+def _free_first(problem: Problem, durations: Array) -> tuple[Problem, Array]:
+    """Return a problem whose first moment knows no limits along the path, and its durations, s.
+
+    What an aircraft does at this moment is a fact; from the next node on it can be changed. The first interval becomes
+    a phase of its own, which takes as long as the optimum's; where a leg has no other, it ends at the gate as before.
+    """
+    system, first, behind = problem.system, problem.phases[0], problem.phases[1:]
+    boundless = tuple(replace(quantity, lower=-math.inf, upper=math.inf) for quantity in system.path)
+    if len(first.fractions) > 1:
+        share = first.fractions[0]
+        seconds, behind = float(share * durations[0]), (first.part(slice(1, None)), *behind)
+        durations = np.array([seconds, durations[0] - seconds, *durations[1:]])
+        first = Phase(first.name, (1.0,), Interval.exactly(seconds), bounds=first.bounds)
+    else:
+        first = replace(first, path_constraints=())
+    phases = [replace(first, bounds=_of_states(first, system))]
+    for phase in behind:
+        limits = {quantity.name: narrow_range(quantity, phase.bounds) for quantity in system.path}
+        phases.append(replace(phase, bounds={**phase.bounds, **limits}))
+    return replace(problem, system=replace(system, path=boundless), phases=tuple(phases)), durations
+
+
+def _of_states(phase: Phase, system: System) -> dict[str, Interval]:
+    """Return the bounds of a phase but for those along the path."""
+    names = {quantity.name for quantity in system.path}
+    return {name: at for name, at in phase.bounds.items() if name not in names}
+
+
+def _with_first_share(problem: Problem, share: float) -> Problem:
+    """Return a problem whose first interval takes another share of its leg."""
+    first = problem.phases[0]
+    others = np.array(first.fractions[1:]) * (1.0 - share) / sum(first.fractions[1:])
+    return replace(problem, phases=(replace(first, fractions=(share, *others.tolist())), *problem.phases[1:]))
+
+
 def _costs(problem: Problem) -> Mapping[str, float]:
     """Return what follows the end of a problem by its final state, s per unit; the finish has rewards that are none."""
     costs = problem.objective.terminal
     return costs if SPEED in costs else {}
 
 
-def _rows_between(layout: Layout, first: int, end: int) -> Array:
+def _rows_between(layout: Layout, first: int, end: int) -> Indices:
     """Return the places of the limits at the nodes behind one and up to another."""
     return layout.row_index[(layout.rows.node > first) & (layout.rows.node <= end)]
 
@@ -357,7 +450,8 @@ def _rows_between(layout: Layout, first: int, end: int) -> Array:
 def _start_rows(layout: Layout) -> list[tuple[int, Quantity]]:
     """Return the places of the limits on the states in which the rest begins, and what they limit."""
     rows = [
-        (int(layout.row_index[row]), layout.rows.row(row).quantity) for row in np.flatnonzero(layout.rows.node == 0)
+        (int(layout.row_index[row]), layout.rows.row(int(row)).quantity)
+        for row in np.flatnonzero(layout.rows.node == 0)
     ]
     return [(index, quantity) for index, quantity in rows if quantity.name.endswith((AT_MOST, AT_LEAST))]
 
