@@ -266,12 +266,12 @@ def _elastic(place: Place, moves: Moves, owner: Owner, system: System) -> Place:
     if place.observation is None and not sides:
         return place
     values = (*place.values, *(() if change is None else change.tolist()), *amounts)
-    observation = _observe_relaxed(place.observation, system.states, tuple(sides), changing=change is not None)
+    observation = observe_relaxed(place.observation, system.states, tuple(sides), changing=change is not None)
     return replace(place, bounds=bounds, observation=observation, values=values)
 
 
 @functools.lru_cache(maxsize=256)
-def _observe_relaxed(
+def observe_relaxed(
     observation: Observation | None, states: tuple[Quantity, ...], sides: tuple[tuple[str, str], ...], *, changing: bool
 ) -> Observation:
     """Return an observation that sees `relaxed` as well.

@@ -5,7 +5,7 @@ pylons. Conditions are placed again where a wing comes too near, and intervals a
 what comes out is measured like any stage that is solved on one mesh. Its route is that of the known optimum.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from functools import cached_property
@@ -13,6 +13,7 @@ from functools import cached_property
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
+from airrace.procedure.cost_to_go import Continuation, CostToGo
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.mesh_check import solve_on_second_mesh
@@ -69,7 +70,7 @@ class WarmStage:
         self._service = self._new_service(threads)
         spare, limits = SPARE_SHARE, settings.certificate
         limits = replace(limits, replay=spare * limits.replay, hamiltonian=spare * limits.hamiltonian)
-        flight = self._perturbed.flight
+        self._flight = flight = self._perturbed.flight
         try:
             resolved = self._solve(flight, flight, optimum, replace(self._settings, certificate=limits), coarse=True)
         except BaseException:
@@ -97,6 +98,18 @@ class WarmStage:
         optimum, before = start or self.optimum, self._perturbed.flight
         return self._solve(before, self._formulation(race, optimum), optimum, self._settings)
 
+    def from_state(
+        self,
+        state: Mapping[str, float],
+        leg: int,
+        *,
+        deviations: Mapping[str, float] | None = None,
+        gates: int | None = None,
+    ) -> Continuation:
+        """Return the fastest flight of the known race from a state on; see `CostToGo.solve`."""
+        with closing(self._session(self._settings, self._service)) as session:
+            return self._rest.solve(session, state, leg, deviations=deviations, gates=gates)
+
     def mesh_check(self, race: Race, solved: StageResult) -> Callable[[], StageResult]:
         """Return the check of an optimum's mesh, in a solver process of its own, beside which others can be solved.
 
@@ -110,6 +123,10 @@ class WarmStage:
             return checked if isinstance(checked, StageResult) else solved
 
         return check
+
+    @cached_property
+    def _rest(self) -> CostToGo:
+        return CostToGo(self._flight, self.optimum)
 
     @cached_property
     def _checker(self) -> SolverService:

@@ -1,5 +1,7 @@
 """A warm run: the optimum under other inputs in a fraction of a second, certified in the background."""
 
+import math
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +10,7 @@ from typing import Self
 
 from airrace.errors import UsageError
 from airrace.files.inputs import Document, Inputs
+from airrace.procedure.cost_to_go import PLACE_NAMES, Continuation
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_stage import WarmStage
 from airrace.runs.execution_plan import Changes, Values, value_texts
@@ -120,6 +123,42 @@ class Session:
         ensure_of_one_stage(self._run, inputs)
         result = self._warm.solve(inputs.race, None if start is None else start.result)
         return StageView(inputs, result, self.optimum.versions)
+
+    def from_state(
+        self,
+        state: Mapping[str, float],
+        leg: int | str,
+        *,
+        deviations: Mapping[str, float] | None = None,
+        gates: int | None = None,
+    ) -> Continuation:
+        """Return the fastest flight of the run's race from any state on: its cost to go, its prices, its trajectory.
+
+        From a state that no flight leads on from, as where the next gate cannot be made any more, it begins in the
+        nearest one from which there is a flight, which `text` tells.
+
+        Args:
+            state: by name, SI: `x, y, z, V_K, q0, q1, q2, q3` at least; of what is missing of others the
+                optimum's at its place is taken.
+            leg: on which the state is: its number from 0, or the name of the passing in which it ends.
+            deviations: how well the states are known, by name; None for a metre, half a metre per second, a degree.
+            gates: the flight ends at the so many-th gate ahead, in the optimum's state but for its speed, and the cost
+                behind it is that of the optimum to first order; None for the finish.
+
+        Raises:
+            UsageError: the state lacks a value, or has one that is no number, or there is no such leg.
+            SolverCrash: the solver process died.
+        """
+        passages = self.optimum.inputs.race.course.passages
+        numbers = {passage.name: number for number, passage in enumerate(passages[1:])}
+        number = numbers.get(leg) if isinstance(leg, str) else leg
+        if number is None or not 0 <= number < len(numbers):
+            raise UsageError(f"there is no leg {leg!r}; the legs are 0 to {len(numbers) - 1}: {', '.join(numbers)}")
+        if missing := [name for name in PLACE_NAMES if not math.isfinite(state.get(name, math.nan))]:
+            raise UsageError(f"the state has no {missing[0]}, or it is no number; it needs {', '.join(PLACE_NAMES)}")
+        if gates is not None and gates < 1:
+            raise UsageError(f"{gates} gates ahead: it must be 1 or more")
+        return self._warm.from_state(state, number, deviations=deviations, gates=gates)
 
     def certify(self, solved: StageView) -> Future[StageView]:
         """Check the mesh of an answer in the background, in a process of its own; the latest answer alone counts.

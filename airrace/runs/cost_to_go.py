@@ -1,0 +1,115 @@
+"""The cost to go along flights, by the stored optimum of a stage."""
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+
+from airrace.errors import UsageError
+from airrace.flights.logs.violations import StandardDeviations
+from airrace.flights.results import Flight
+from airrace.flights.results.cost_to_go import BANK, PATH, CostToGoLoss, Moment, losses_of, moments_of
+from airrace.optimal_control.solvers.service import SolverService
+from airrace.procedure.cost_to_go import Continuation, CostToGo, usual_deviations
+from airrace.procedure.result import Silent
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import formulate
+from airrace.runs.log_view import LogView
+from airrace.runs.stage_view import StageView
+from airrace.runs.verification import flight_again
+from airrace.runtime.process import available_cores
+
+JOBS = 4
+"""The parts into which the states of a flight are divided, to be solved side by side."""
+STALL_SECONDS = 20.0
+"""The longest wait for an iteration, s; setting a whole six-dof race up counts into the first."""
+PREPARED_INTERVALS = 3000
+"""The intervals that a solver process keeps ready: every state makes a problem of its own."""
+
+
+def cost_to_go_of(view: StageView) -> CostToGo:
+    """Return what solves the rest of a race by the optimum of a stage.
+
+    Raises:
+        UsageError: the stage is no optimum.
+    """
+    if not view.result.holds:
+        raise UsageError(f"{view.name} is {view.status}: without an optimum there is no cost to go")
+    result, inputs = view.result, view.inputs
+    return CostToGo(
+        formulate(result.stage, inputs.race, inputs.settings, result.trajectory, result.pylon_conditions), result
+    )
+
+
+def new_service(threads: int) -> SolverService:
+    """Return a solver process for the rests of a race."""
+    return SolverService(threads=threads, stall_seconds=STALL_SECONDS, prepared_intervals=PREPARED_INTERVALS)
+
+
+def cost_to_go_loss(
+    view: StageView, flight: Flight, log: LogView | None = None, *, label: str = "", threads: int | None = None
+) -> CostToGoLoss:
+    """Return what a flight lost at every moment, by the cost to go of a stage.
+
+    Args:
+        view: the stage, an optimum.
+        flight: of the same passings.
+        log: that the flight comes from; None for an optimum, whose states are exact.
+        label: of the stage, for people.
+        threads: None for all cores.
+
+    Raises:
+        UsageError: the stage is no optimum, or the flight lacks a passing.
+        SolverCrash: a solver process died.
+    """
+    rest = cost_to_go_of(view)
+    moments = moments_of(flight, [state.name for state in rest.states])
+    accuracies: Mapping[str, StandardDeviations] = {} if log is None else flight_again(log).known
+    known = [_known(accuracies, flight, moment) for moment in moments]
+    cores = threads or available_cores()
+    with (
+        new_service(1) as service,
+        closing(SolverSession(service, view.inputs.settings, Silent(), cores)) as session,
+    ):
+        usual = usual_deviations(rest.states)
+        jobs = [
+            functools.partial(
+                _solve_some, rest, moments[first::JOBS], [_box(usual, deviations) for deviations in known[first::JOBS]]
+            )
+            for first in range(JOBS)
+        ]
+        parts = session.side_by_side(jobs)
+    continuations = [parts[row % JOBS][row // JOBS] for row in range(len(moments))]
+    return losses_of(flight, moments, continuations, known, view.result, label or view.name)
+
+
+def _solve_some(
+    rest: CostToGo, moments: Sequence[Moment], boxes: Sequence[Mapping[str, float]], session: SolverSession
+) -> list[Continuation]:
+    """Return the fastest flights from some moments on."""
+    continuations: list[Continuation] = []
+    for moment, box in zip(moments, boxes, strict=True):
+        continuations.append(rest.solve(session, moment.state, moment.leg, deviations=box))
+    return continuations
+
+
+def _box(usual: Mapping[str, float], known: Mapping[str, float]) -> dict[str, float]:
+    """Return the deviations by which a start gives way: what is known less well gives way more easily."""
+    box = dict(usual)
+    for name, deviation in known.items():
+        if name in box and math.isfinite(deviation):
+            box[name] = max(box[name], deviation)
+    attitude = 0.5 * max(known.get(BANK, 0.0), known.get(PATH, 0.0))
+    for name in ("q0", "q1", "q2", "q3"):
+        box[name] = max(box[name], attitude if math.isfinite(attitude) else 0.0)
+    return box
+
+
+def _known(accuracies: Mapping[str, StandardDeviations], flight: Flight, moment: Moment) -> dict[str, float]:
+    """Return how well a recorded state is known: as at the nearest passing; nothing for an optimum, which is exact."""
+    crossing = min(flight.crossings, key=lambda crossing: abs(crossing.time - moment.time))
+    at = accuracies.get(crossing.name)
+    if at is None:
+        return {}
+    known = {"x": at.across, "y": at.across, "z": at.up, "V_K": at.speed, "n_z": at.load, BANK: at.bank, PATH: at.path}
+    return {name: deviation for name, deviation in known.items() if math.isfinite(deviation)}
