@@ -16,6 +16,7 @@ from airrace.files.export.formats import formats
 from airrace.files.export.globe import clock_start, on_globe
 from airrace.flights.logs.reading import is_log
 from airrace.flights.results import Flight, Verification
+from airrace.flights.results.comparison import ensure_comparable
 from airrace.model.track.course import Origin
 from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.pages.views.stage_tables import claim
@@ -24,17 +25,19 @@ from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
 from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
-from airrace.runtime.standard_streams import stem_of
+from airrace.runtime.standard_streams import STANDARD, name_of
 
 if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
 
 
-def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
+def open_flights(
+    texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None, comparable: bool = False
+) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
-    Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
-    flights or a stage was named. A log that is not imported yet is aligned with the course of the first file that has
+    Labels are the names as they are given, with the stage where the flights are of several ones, and with a number
+    where one is given twice. A log that is not imported yet is aligned with the course of the first file that has
     one.
 
     Args:
@@ -42,23 +45,33 @@ def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool
         stage: for runs whose names say none; None for their last ones.
         verify: whether stages of runs are measured again, and imported logs made once more; None where that is no
             question.
+        comparable: whether they must be of courses with the same passings, which is found out before all else.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts its inputs, or a log is not valid.
-        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
+        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log, or flights
+            that must be comparable are not.
     """
-    return _open_with_files(texts, stage, verify)[1]
+    return _open_with_files(texts, stage, verify, comparable=comparable)[1]
 
 
 def _open_with_files(
-    texts: Sequence[str], stage: str | None, verify: bool | None
+    texts: Sequence[str], stage: str | None, verify: bool | None, *, comparable: bool = False
 ) -> tuple[dict[Path, RunState | LogView], list[Flight]]:
     """Return the files by their paths beside the flights of `open_flights`."""
     names = [FlightName.of(text) for text in texts]
     opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
+    if comparable:
+        courses = [
+            (text, opened[name.path].inputs.race.course)
+            for text, name in zip(texts, names, strict=True)
+            if name.path in opened
+        ]
+        for named_course in courses[1:]:
+            ensure_comparable(courses[0], named_course)
     sources = [_source(name, opened, stage) for name in names]
-    labels = _labels(names, sources)
+    labels = _labels(texts, names, sources)
     if verify is not None:
         from airrace.runs.verification import with_verification, with_verifications  # loads the solver
 
@@ -116,19 +129,17 @@ def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: 
     return fly_log_through(name.path, next(iter(opened.values())).inputs)
 
 
-def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
-    """Return unique labels: the file's stem, its name with the stage, its path with the stage, at last a number."""
+def _labels(texts: Sequence[str], names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
+    """Return unique labels: the names as given, with the stage where that tells flights apart, at last a number."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
-    short = [
-        f"{stem_of(name.path)}:{stage}" if stage and (several or name.stage) else stem_of(name.path)
-        for name, stage in zip(names, stages, strict=True)
-    ]
-    if len(set(short)) < len(short):
-        short = [f"{name.path}:{stage}" if stage else f"{name.path}" for name, stage in zip(names, stages, strict=True)]
-    if len(set(short)) < len(short):
-        short = [f"{label} ({number})" for number, label in enumerate(short, start=1)]
-    return short
+    labels: list[str] = []
+    for text, name, stage in zip(texts, names, stages, strict=True):
+        label = name_of(name.path) if name.path == STANDARD else text
+        labels.append(f"{label}:{stage}" if stage and several and not name.stage else label)
+    if len(set(labels)) < len(labels):
+        labels = [f"{label} ({number})" for number, label in enumerate(labels, start=1)]
+    return labels
 
 
 def write_flights(

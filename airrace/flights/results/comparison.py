@@ -21,7 +21,7 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.flights.results.flight import Basis, Flight, Lap, Leg, laps_of, legs_of, way
 from airrace.model.environment import Air
-from airrace.model.track.course import PilotLimits, Rules
+from airrace.model.track.course import Course, PilotLimits, Rules
 from airrace.optimal_control.quantities import KNOT, Interval
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.formulation import passings_of
@@ -322,7 +322,7 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     Raises:
         UsageError: the courses have other passings; names the first that differs.
     """
-    ensure_comparable(reference, other)
+    ensure_comparable((reference.label, reference.course), (other.label, other.course))
     starts = reference.crossings[0].time, other.crossings[0].time
     legs: list[LegComparison] = []
     distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
@@ -349,22 +349,26 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     return Comparison(reference, other, tuple(legs), progress)
 
 
-def ensure_comparable(reference: Flight, other: Flight) -> None:
+def ensure_comparable(reference: tuple[str, Course], other: tuple[str, Course]) -> None:
     """Refuse flights of courses with other passings.
+
+    Args:
+        reference, other: what each flight is called, and its course.
 
     Raises:
         UsageError: naming the first passing that differs.
     """
-    passings, other_passings = (passings_of(flight.course) for flight in (reference, other))
+    (label, course), (other_label, other_course) = reference, other
+    passings, other_passings = passings_of(course), passings_of(other_course)
     for number, (passing, other_passing) in enumerate(zip(passings, other_passings, strict=False)):
         if passing != other_passing:
             first, second = (f"{name} ({kind})" for name, kind in (other_passing, passing))
             raise UsageError(
-                f"{other.label} and {reference.label} cannot be compared: passing {number} "
+                f"{other_label} and {label} cannot be compared: passing {number} "
                 f"is {first} in the one and {second} in the other"
             )
     if len(passings) != len(other_passings):
         raise UsageError(
-            f"{other.label} and {reference.label} cannot be compared: "
+            f"{other_label} and {label} cannot be compared: "
             f"the one has {len(other_passings)} passings, the other {len(passings)}"
         )
