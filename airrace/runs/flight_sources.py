@@ -25,7 +25,7 @@ from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
 from airrace.runs.run_state import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
-from airrace.runtime.standard_streams import STANDARD, name_of
+from airrace.runtime.standard_streams import name_of
 
 if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
@@ -36,8 +36,8 @@ def open_flights(
 ) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
-    Labels are the names as they are given, with the stage where the flights are of several ones, and with a number
-    where one is given twice. A log that is not imported yet is aligned with the course of the first file that has
+    Labels are the names of the files as they are given, with the stage where one was named or the flights are of
+    several ones; with their folders where that tells them apart, and with a number where one is given twice. A log that is not imported yet is aligned with the course of the first file that has
     one.
 
     Args:
@@ -130,13 +130,18 @@ def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: 
 
 
 def _labels(texts: Sequence[str], names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
-    """Return unique labels: the names as given, with the stage where that tells flights apart, at last a number."""
+    """Return unique labels: the file's name as given, without its folder where that tells no two apart."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
-    labels: list[str] = []
-    for text, name, stage in zip(texts, names, stages, strict=True):
-        label = name_of(name.path) if name.path == STANDARD else text
-        labels.append(f"{label}:{stage}" if stage and several and not name.stage else label)
+    endings = [
+        f":{name.stage or stage}" if name.stage or (several and stage) else ""
+        for name, stage in zip(names, stages, strict=True)
+    ]
+    labels = [f"{Path(name_of(name.path)).name}{ending}" for name, ending in zip(names, endings, strict=True)]
+    if len(set(labels)) < len(labels):
+        labels = [
+            text if name.stage else f"{text}{ending}" for text, name, ending in zip(texts, names, endings, strict=True)
+        ]
     if len(set(labels)) < len(labels):
         labels = [f"{label} ({number})" for number, label in enumerate(labels, start=1)]
     return labels
