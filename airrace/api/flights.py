@@ -30,6 +30,10 @@ FlightNames = Annotated[
 Units = Annotated[
     str, Option("Units for people: knots or km/h, metres or feet; never of --json, --csv.", choices=tuple(UNITS))
 ]
+Lateness = Annotated[
+    bool,
+    Option("Tell what each cue costs that is 0.1 s late or early; each is solved twice, a minute or more in all."),
+]
 Drawing = str | Path | None
 HEIGHT_OFFSET_MAX = 10_000.0
 """The largest offset of a log's heights, m: no air race is flown higher."""
@@ -125,12 +129,14 @@ def import_log(
     return view
 
 
-def brief(flight: AnyFlight, *, stage: options.StageOfFlights = None) -> "Brief":
+def brief(flight: AnyFlight, *, stage: options.StageOfFlights = None, lateness: Lateness = False) -> "Brief":
     """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
-    from airrace.runs.flight_sources import open_flight
+    from airrace.runs.flight_sources import open_flight, open_stage
     from airrace.runs.stage_data import Brief
 
-    return Brief.of(open_flight(flight, stage=options.stage_text(stage)))
+    name = options.stage_text(stage)
+    cues = Brief.of(open_flight(flight, stage=name))
+    return replace(cues, prices=open_stage(flight, stage=name).cues(lateness=True).prices) if lateness else cues
 
 
 def compare(
@@ -178,28 +184,36 @@ def plot(
     output: Annotated[
         Drawing,
         options.output(
-            "FILE.png", "The drawing; or .svg, .pdf; by default RUN.png, or RUN.kneeboard.png, beside the run."
+            "FILE.png", "The drawing; or .svg, .pdf; by default RUN.png, or RUN.kneeboard.pdf, beside the run."
         ),
     ] = None,
-    kneeboard: Annotated[bool, Option("One page to hold in the hand: map, table of the gates, and cues.")] = False,
+    kneeboard: Annotated[bool, Option("Pages for the knee, lap by lap: map, gates, and cues.")] = False,
+    paper: Annotated[
+        str, Option("Of the kneeboard: pages of A5, or two on a sheet of A4, to be folded.", choices=("a5", "a4"))
+    ] = "a5",
+    lateness: Lateness = False,
     units: Units = "kt-m",
     stage: options.StageOfFlights = None,
     force: options.Force = False,
 ) -> WrittenFlights:
     """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
     from airrace.pages.views.drawing import ensure_drawable, save_figure
-    from airrace.runs.flight_sources import open_flight
+    from airrace.runs.flight_sources import open_flight, open_stage
     from airrace.runs.output import ensure_free, output_path
 
-    path = output_path(output, flight, "kneeboard.png" if kneeboard else "png")
+    path = output_path(output, flight, "kneeboard.pdf" if kneeboard else "png")
     ensure_drawable(path)
     ensure_free(path, force=force, sources=[flight])
     flight_ = open_flight(flight, stage=options.stage_text(stage))
     from airrace.pages.views.flight_figures import flight_figure
-    from airrace.pages.views.kneeboard import kneeboard_figure
+    from airrace.pages.views.kneeboard import save_kneeboard
     from airrace.pages.views.tables import units_named
 
-    save_figure(kneeboard_figure(flight_, units_named(units)) if kneeboard else flight_figure(flight_), path)
+    if kneeboard:
+        prices = open_stage(flight, stage=options.stage_text(stage)).cues(lateness=True).prices if lateness else ()
+        save_kneeboard(flight_, path, units_named(units), paper=paper, prices=prices)
+    else:
+        save_figure(flight_figure(flight_), path)
     return WrittenFlights(path, (flight_,))
 
 

@@ -182,9 +182,9 @@ class Run(RunState):
         fly_again = _flies_again(options.get("threads"), progress=progress)
         return fly_rose(self, winds, fly_again, options)
 
-    def brief(self, stage: str | Stage | None = None) -> Brief:
+    def brief(self, stage: str | Stage | None = None, *, lateness: bool = False) -> Brief:
         """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""
-        return self.stage(stage).cues()
+        return self.stage(stage).cues(lateness=lateness)
 
     def footprint(
         self,
@@ -227,7 +227,14 @@ class Run(RunState):
         return comparison
 
     def plot(
-        self, path: str | Path, stage: str | Stage | None = None, *, kneeboard: bool = False, units: str = "kt-m"
+        self,
+        path: str | Path,
+        stage: str | Stage | None = None,
+        *,
+        kneeboard: bool = False,
+        units: str = "kt-m",
+        paper: str = "a5",
+        lateness: bool = False,
     ) -> Path:
         """Draw a flight into a file, as `airrace plot` does: plan and profile by load factor, histories with limits.
 
@@ -236,22 +243,29 @@ class Run(RunState):
         Args:
             path: the drawing, `.png`, `.svg` or `.pdf`.
             stage: which stage; None for the last one.
-            kneeboard: whether it is one page to hold in the hand: map, table of the gates, and cues.
+            kneeboard: whether it is pages for the knee, lap by lap: map, gates, and cues.
             units: of the kneeboard: `kt-m`, `kt-ft` or `kmh-m`.
+            paper: of the kneeboard: `a5`, or `a4` with two pages on a sheet.
+            lateness: whether the kneeboard tells the price of lateness of every cue; each is solved twice.
 
         Returns:
             The path.
 
         Raises:
-            UsageError: matplotlib is not installed, there are no such units, or no such stage, or it found no flight.
+            UsageError: matplotlib is not installed, there are no such units, no such paper or no such stage, or it
+                found no flight.
             StorageError: the system refused.
         """
         ensure_drawable(Path(path))
         from airrace.pages.views.flight_figures import flight_figure
-        from airrace.pages.views.kneeboard import kneeboard_figure
+        from airrace.pages.views.kneeboard import save_kneeboard
 
         chosen, flight = units_named(units), self.flight(stage)
-        save_figure(kneeboard_figure(flight, chosen) if kneeboard else flight_figure(flight), Path(path))
+        if kneeboard:
+            prices = self.brief(stage, lateness=True).prices if lateness else ()
+            save_kneeboard(flight, Path(path), chosen, paper=paper, prices=prices)
+        else:
+            save_figure(flight_figure(flight), Path(path))
         return Path(path)
 
     def export(

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 
 from airrace.cli.printed_result import PAGE, paragraph, render
 from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
-from airrace.flights.logs.violations import select_violations
+from airrace.flights.logs.violations import CERTAIN_DEVIATIONS, select_violations
 from airrace.flights.sensitivity import Activity, Sensitivity
 from airrace.pages.report.sensitivity_tables import cost_text, sensitivities_table
-from airrace.pages.views.log_tables import passings_table, penalty_text, violations_table
+from airrace.pages.views.log_tables import passings_table, penalties_text, violations_table
 from airrace.procedure.result import StageResult
 from airrace.runs.log_view import LogView
 
@@ -24,7 +24,9 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         legs: whether every leg is shown, too.
     """
     flight = log.flight()
-    race_time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
+    race_time = "not finished"
+    if math.isfinite(flight.race_time):
+        race_time = f"{flight.race_time:.3f} +- {log.race_time_deviation:.2g} s"
     verified = f"; {flight.source.verification.remark}" if flight.source.verification else ""
     title = f"{flight.label}: race time {race_time}, as flown{verified}"
     yield render(passings_table(flight, title), columns=PAGE)
@@ -33,7 +35,10 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         yield render(violations_table(listed, "rules that would be broken"), columns=PAGE)
         if rest:
             yield paragraph(rest)
-    yield f"penalties of what is certain: {penalty_text(log.penalty)}"
+    yield paragraph(
+        f"penalties of what is certain: {penalties_text(log.violations)}; certain are {CERTAIN_DEVIATIONS:g} standard "
+        f"deviations, by {log.assumption}"
+    )
     if laps := laps_text(flight):
         yield paragraph(laps)
     tables = [*distance_tables(flight), *(leg_tables(flight) if legs else ())]

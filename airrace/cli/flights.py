@@ -52,7 +52,7 @@ def brief(
     function: "partial[Brief]",
     *,
     units: flights.Units = "kt-m",
-    csv: Annotated[bool, Option("Print comma-separated values, one row per action.")] = False,
+    csv: Annotated[bool, Option("Print comma-separated values, one row per cue.")] = False,
 ) -> None:
     from airrace.errors import UsageError
     from airrace.pages.views.tables import units_named
@@ -90,7 +90,7 @@ def compare(
 @command(flights.plot)
 def plot(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
     name = function.keywords["flight"]
-    _choose_output(command_result, function, name, "kneeboard.png" if function.keywords["kneeboard"] else "png")
+    _choose_output(command_result, function, name, "kneeboard.pdf" if function.keywords["kneeboard"] else "png")
     path = function().path
     command_result.add_files(path, format=path.suffix[1:].lower() or "png", flights=[name])
 

@@ -210,7 +210,7 @@ def failures(items: Sequence[Item]) -> str:
 
 
 def conclude(
-    flight: StageProblem,
+    stage_problem: StageProblem,
     session: SolverSession,
     problem: Problem,
     iterate: Iterate,
@@ -227,24 +227,26 @@ def conclude(
     """Return the result of a stage, by default the flight's own; without multipliers theirs are empty."""
     trajectory = trajectory_of(problem, iterate)
     return StageResult(
-        stage=stage or flight.stage,
+        stage=stage or stage_problem.stage,
         outcome=outcome,
         message=message,
         trajectory=trajectory,
         constraint_multipliers=np.zeros(0) if multipliers is None else multipliers.constraints,
         bound_multipliers=np.zeros(0) if multipliers is None else multipliers.bounds,
         certificate=certificate,
-        splits=gate_splits(flight, trajectory),
+        splits=gate_splits(stage_problem, trajectory),
         attempts=tuple(session.attempts),
         timings=session.timings(),
         provenance=provenance,
         mesh=mesh,
         notes=notes,
-        pylon_conditions=flight.pylon_conditions,
+        pylon_conditions=stage_problem.pylon_conditions,
     )
 
 
-def replayed_wing(flight: StageProblem, problem: Problem, iterate: Iterate, replay: Replay) -> tuple[Wing, list[int]]:
+def replayed_wing(
+    stage_problem: StageProblem, problem: Problem, iterate: Iterate, replay: Replay
+) -> tuple[Wing, list[int]]:
     """Return the way of the wing on a replay, and the numbers of its times at which legs begin and, last, it ends."""
     parts = replay.state.shape[2] - 1
     steps = interval_durations(problem, iterate.durations)
@@ -253,18 +255,20 @@ def replayed_wing(flight: StageProblem, problem: Problem, iterate: Iterate, repl
     time: Array = np.append(inside.ravel(), ends[-1])
     rows = np.concatenate([replay.state[:, :, :-1].reshape(len(replay.state), -1), replay.state[:, -1:, -1]], axis=1)
     x = dict(zip((state.name for state in problem.system.states), rows, strict=True))
-    wing = Wing(time, *wing_position(x, 0.5 * flight.aircraft.airframe.b))
+    wing = Wing(time, *wing_position(x, 0.5 * stage_problem.aircraft.airframe.b))
     return wing, [parts * node for node in problem.first_node]
 
 
-def approaches(flight: StageProblem, problem: Problem, iterate: Iterate, replay: Replay) -> list[ClosestApproach]:
+def approaches(
+    stage_problem: StageProblem, problem: Problem, iterate: Iterate, replay: Replay
+) -> list[ClosestApproach]:
     """Return the least distances of the wing from every pylon of the course, see `closest_approaches`."""
-    wing, legs = replayed_wing(flight, problem, iterate, replay)
-    return list(closest_approaches(wing, pylons_of(flight.course), legs))
+    wing, legs = replayed_wing(stage_problem, problem, iterate, replay)
+    return list(closest_approaches(wing, pylons_of(stage_problem.course), legs))
 
 
 def clearance_item(
-    flight: StageProblem, problem: Problem, wing_approaches: Sequence[ClosestApproach], limits: CertificateLimits
+    stage_problem: StageProblem, problem: Problem, wing_approaches: Sequence[ClosestApproach], limits: CertificateLimits
 ) -> Item:
     """Return the item on the length by which the wing misses its clearance from a pylon at any time, at worst.
 
@@ -273,7 +277,7 @@ def clearance_item(
     Args:
         wing_approaches: see `approaches`.
     """
-    always = flight.course.rules.clearance is ClearanceRule.FLIGHT
+    always = stage_problem.course.rules.clearance is ClearanceRule.FLIGHT
     violated = [approach for approach in wing_approaches if approach.shortfall > 0.0]
     binding = [
         approach

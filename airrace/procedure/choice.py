@@ -33,13 +33,13 @@ def index_of(result: StageResult, results: Sequence[StageResult]) -> int:
     return next(number for number, candidate in enumerate(results) if candidate.trajectory is result.trajectory)
 
 
-def simplest_of(flight: StageProblem, results: Sequence[StageResult]) -> StageResult:
+def simplest_of(stage_problem: StageProblem, results: Sequence[StageResult]) -> StageResult:
     """Return, of the results that hold and are hardly slower than the fastest, the one that is simplest to fly.
 
     Without one that holds it is the first. One that is not certified never takes the place of one that is.
 
     Args:
-        flight: the problem of their stage.
+        stage_problem: the problem of their stage.
         results: of one stage.
     """
     fastest = fastest_of(results)
@@ -48,15 +48,19 @@ def simplest_of(flight: StageProblem, results: Sequence[StageResult]) -> StageRe
     close = [result for result in close if result.certified or not fastest.certified]
     if len(close) < 2:
         return fastest
-    return min(close, key=lambda result: (complexity_of(flight, result.trajectory).rank, result.trajectory.race_time))
+    return min(
+        close, key=lambda result: (complexity_of(stage_problem, result.trajectory).rank, result.trajectory.race_time)
+    )
 
 
-def with_note_on_faster(flight: StageProblem, chosen: StageResult, results: Sequence[StageResult]) -> StageResult:
+def with_note_on_faster(
+    stage_problem: StageProblem, chosen: StageResult, results: Sequence[StageResult]
+) -> StageResult:
     """Return the chosen result, with a note on the time that the fastest would save if it is another one."""
     fastest = fastest_of(results)
     saved = chosen.trajectory.race_time - fastest.trajectory.race_time
     if not (chosen.holds and fastest.holds and saved > SAME_FLIGHT):
         return chosen
-    harder, simpler = (complexity_of(flight, result.trajectory).describe() for result in (fastest, chosen))
+    harder, simpler = (complexity_of(stage_problem, result.trajectory).describe() for result in (fastest, chosen))
     text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
     return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))

@@ -46,11 +46,11 @@ class FlightComplexity:
         )
 
 
-def complexity_of(flight: StageProblem, trajectory: Trajectory) -> FlightComplexity:
+def complexity_of(stage_problem: StageProblem, trajectory: Trajectory) -> FlightComplexity:
     """Return what makes a flight hard to fly.
 
     Args:
-        flight: the problem of the stage that found it.
+        stage_problem: the problem of the stage that found it.
         trajectory: on its mesh.
     """
     rows = {state.name: row for state, row in zip(trajectory.states, trajectory.state, strict=True)}
@@ -58,7 +58,7 @@ def complexity_of(flight: StageProblem, trajectory: Trajectory) -> FlightComplex
     turns = (track_turn(r[:, first : last + 1]).lateral for first, last in itertools.pairwise(trajectory.first_node))
     return FlightComplexity(
         circles=sum(int(abs(turn) // CIRCLE) for turn in turns),
-        pushes=len(pushes(trajectory.time, load_factors_along(flight, trajectory).n_z)),
+        pushes=len(pushes(trajectory.time, load_factors_along(stage_problem, trajectory).n_z)),
         inverted_rolls=sum(reversal.inverted for reversal in reversals(q)),
     )
 

@@ -144,33 +144,33 @@ def phase_homotopy(plan: Plan, index: int, state: Array | None) -> PhaseHomotopy
 
 
 def solve_homotopy(
-    flight: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None = None
+    stage_problem: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None = None
 ) -> HomotopyOutcome:
     """Solve all phases one after the other; a phase for which that fails is left as planned, on later laps at once.
 
     Args:
-        flight: the point mass.
+        stage_problem: the point mass.
         session: what solves.
         test_infeasibility: asked about the first phases that fail; where the legs around one are infeasible, all that
             follows is left as planned. None to ask nobody.
     """
-    return _Homotopy(flight, session, test_infeasibility).solve()
+    return _Homotopy(stage_problem, session, test_infeasibility).solve()
 
 
 class _Homotopy:
     """The pieces so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
     def __init__(
-        self, flight: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None
+        self, stage_problem: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None
     ) -> None:
-        self.flight = flight
+        self.flight = stage_problem
         self.session = session
         self.test_infeasibility = test_infeasibility
         self.tested_phases: set[int] = set()
         self.infeasibility: LocalInfeasibility | None = None
-        self.mesh = first_mesh(flight.plan, session.settings.mesh)
-        self.race = flight.problem(self.mesh)
-        self.planned = guess(flight.plan, self.mesh)
+        self.mesh = first_mesh(stage_problem.plan, session.settings.mesh)
+        self.race = stage_problem.problem(self.mesh)
+        self.planned = guess(stage_problem.plan, self.mesh)
         self.pieces: list[Iterate] = []
 
     def solve(self) -> HomotopyOutcome:
@@ -294,7 +294,7 @@ class _Homotopy:
         return [phase_piece(solution.iterate, problem, phase) for phase in range(len(problem.phases))]
 
 
-def fixed_state(flight: StageProblem, state: Array) -> Boundary:
+def fixed_state(stage_problem: StageProblem, state: Array) -> Boundary:
     """Return the boundary that is met in exactly one state, shape (n_x,)."""
-    names = [quantity.name for quantity in flight.model.system.states]
+    names = [quantity.name for quantity in stage_problem.model.system.states]
     return Boundary("", {name: Interval.exactly(float(value)) for name, value in zip(names, state, strict=True)})

@@ -9,6 +9,7 @@ from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.mesh_loop import (
     Failure,
+    MeshGoal,
     MeshTask,
     carry_multipliers,
     next_until_certified,
@@ -24,7 +25,9 @@ from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 
 
-def solve_on_second_mesh(flight: StageProblem, optimum: StageResult, session: SolverSession) -> StageResult | str:
+def solve_on_second_mesh(
+    stage_problem: StageProblem, optimum: StageResult, session: SolverSession
+) -> StageResult | str:
     """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
 
     It is solved on the coarser mesh from which its own was divided, and on its own with all intervals halved that both
@@ -32,17 +35,17 @@ def solve_on_second_mesh(flight: StageProblem, optimum: StageResult, session: So
     roughly is solved closely, on its own mesh first.
 
     Args:
-        flight: the model of the stage, planned as the optimum goes round.
+        stage_problem: the model of the stage, planned as the optimum goes round.
         optimum: the stage as it was solved.
         session: what solves. Its attempts are added to those of the stage.
     """
     limits, nodes = session.settings.certificate, optimum.coarser_nodes
     mesh, iterate = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory)
-    problem = flight.problem(mesh)
+    problem = stage_problem.problem(mesh)
     multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     measure = partial(examine, problem, iterate, optimum.constraint_multipliers, limits)
     good = MeshSolution(problem, iterate, MeshProposal(mesh, iterate, optimum.mesh.why, nodes), measure)
-    start = Start(flight, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
+    start = Start(stage_problem, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
 
     first_intervals, coarser = None, None
     if optimum.is_rough:
@@ -51,15 +54,15 @@ def solve_on_second_mesh(flight: StageProblem, optimum: StageResult, session: So
         proposal, coarser = bisect_all(good, limits), good
     else:
         coarse_mesh, guess = restrict(mesh, iterate, nodes)
-        coarse_problem = flight.problem(coarse_mesh)
+        coarse_problem = stage_problem.problem(coarse_mesh)
         reference = MeshTask(
-            flight,
+            stage_problem,
             MeshProposal.first(coarse_problem, guess),
             InitialBarrier.OTHER_MESH,
             session.solvers,
             carry_multipliers(multipliers, problem, coarse_problem),
             number=-1,
-            reference_only=True,
+            goal=MeshGoal.REFERENCE,
             purpose="the coarser mesh",
         )
         coarse = solve_on_mesh(session, start, reference)
@@ -68,10 +71,10 @@ def solve_on_second_mesh(flight: StageProblem, optimum: StageResult, session: So
         first_intervals = coarse_problem.intervals
         proposal, coarser = bisect_coarse(good.proposal, good.evidence.replay), coarse.optimum
     if coarser is not None:
-        multipliers = carry_multipliers(multipliers, problem, flight.problem(proposal.mesh))
+        multipliers = carry_multipliers(multipliers, problem, stage_problem.problem(proposal.mesh))
     first = task_to_certify(
         session,
-        flight,
+        stage_problem,
         proposal,
         InitialBarrier.OTHER_MESH,
         session.solvers,

@@ -11,6 +11,7 @@ stage can start from a rough optimum.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property, partial
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
@@ -37,6 +38,7 @@ from airrace.procedure.mesh_proposals import (
     FAR_VIOLATION,
     GROWTH_FROM,
     GROWTH_MAX,
+    ROUGH_TOLERANCE,
     MeshProposal,
     MeshSolution,
     adapt,
@@ -117,12 +119,25 @@ def solve_from_starts(
     return _failure_result(session, failures, diagnose)
 
 
+class MeshGoal(Enum):
+    """What the optimum on a mesh is for, and so how closely it is solved and what its certificate claims.
+
+    `CERTIFIED`: its race time is compared with that on a coarser mesh. `REFERENCE`: it is that coarser one, never
+    certified itself. `SINGLE`: all is measured but that comparison. `ROUGH`: the next stage or mesh starts from it.
+    """
+
+    CERTIFIED = "certified"
+    REFERENCE = "reference"
+    SINGLE = "single"
+    ROUGH = "rough"
+
+
 @dataclass(frozen=True)
 class MeshTask:
     """The mesh to be solved on next, and how.
 
     Attributes:
-        flight: whose problem is stated.
+        stage_problem: whose problem is stated.
         proposal: the mesh, with a guess on it.
         barrier: the first value of the barrier parameter.
         solvers: the solvers that are asked, in this order.
@@ -130,9 +145,7 @@ class MeshTask:
         number: how many meshes were solved on before; -1 for a mesh that is only compared with.
         before: the optimum that led here; None for a first mesh.
         coarser: the optimum whose race time its own will be compared with; None as long as there is none.
-        compares: whether the certificate asks for that comparison.
-        loose_tolerance: of the solver, for an optimum that is never certified; 0 for that of the settings.
-        reference_only: whether the optimum is only compared with, and need not be solved closer.
+        goal: what its optimum is for.
         purpose: what is solved for, a clause; by default a refinement of all phases.
         clearance_rounds: how many solves for violated clearances were made on a mesh that was good already.
         nodes_beside_passings: whether moments abeam shortly before or after a passing have nodes of their own.
@@ -140,7 +153,7 @@ class MeshTask:
         then: the finer mesh that follows whatever this one leads to, and is compared with it; else None.
     """
 
-    flight: StageProblem
+    stage_problem: StageProblem
     proposal: MeshProposal
     barrier: InitialBarrier
     solvers: tuple[str, ...]
@@ -148,9 +161,7 @@ class MeshTask:
     number: int = 0
     before: MeshSolution | None = None
     coarser: MeshSolution | None = None
-    compares: bool = True
-    loose_tolerance: float = 0.0
-    reference_only: bool = False
+    goal: MeshGoal = MeshGoal.CERTIFIED
     purpose: str = ""
     clearance_rounds: int = 0
     nodes_beside_passings: bool = False
@@ -168,14 +179,14 @@ class SolvedMesh:
     optimum: MeshSolution
 
     @property
-    def flight(self) -> StageProblem:
+    def stage_problem(self) -> StageProblem:
         """Whose problem was stated."""
-        return self.task.flight
+        return self.task.stage_problem
 
     @cached_property
     def approaches(self) -> list[ClosestApproach]:
         """The least distances of the wing from pylons."""
-        return approaches(self.flight, self.optimum.problem, self.optimum.iterate, self.optimum.evidence.replay)
+        return approaches(self.stage_problem, self.optimum.problem, self.optimum.iterate, self.optimum.evidence.replay)
 
     @cached_property
     def replayed_flight(self) -> ReplayedFlight:
@@ -185,18 +196,18 @@ class SolvedMesh:
     @cached_property
     def pylons(self) -> MeasuredConditions | None:
         """The conditions on pylons as the optimum measures them; None where the rules ask for none."""
-        constraints = self.flight.clearance
+        constraints = self.stage_problem.clearance
         return (
             None
             if constraints is None
-            else constraints.measure(self.flight.plan, self.replayed_flight, self.approaches)
+            else constraints.measure(self.stage_problem.plan, self.replayed_flight, self.approaches)
         )
 
     def place_clearance_constraints(self, proposal: MeshProposal) -> tuple[StageProblem, MeshProposal]:
-        """Return the flight with the conditions on pylons as the optimum measures them, and a mesh made for them."""
-        constraints = self.flight.clearance
+        """Return the problem with the conditions on pylons as the optimum measures them, and a mesh made for them."""
+        constraints = self.stage_problem.clearance
         if constraints is None or self.pylons is None:
-            return self.flight, proposal
+            return self.stage_problem, proposal
         mesh, guess, conditions = constraints.place_on_mesh(
             self.pylons,
             self.replayed_flight,
@@ -205,13 +216,14 @@ class SolvedMesh:
             proposal.coarser,
             beside_passings=self.nodes_beside_passings,
         )
-        return self.flight.with_conditions(conditions), replace(proposal, mesh=mesh, guess=guess)
+        return self.stage_problem.with_conditions(conditions), replace(proposal, mesh=mesh, guess=guess)
 
     def violates_clearance(self, share: float = 1.0) -> bool:
         """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may mend it.
 
-        An excess that the last solve has not removed stays: it is that of a wing which passes a top aslant. Likewise
-        where the Hamiltonian drifts at a condition beside its moment abeam, which no finer mesh mends.
+        An excess that the last solve has not removed stays: it is that of a wing which passes a top aslant. Where the
+        Hamiltonian drifts at a condition beside its moment abeam, that moment gets a node of its own, for no finer
+        mesh mends it.
 
         Args:
             share: of the certificate's limit that is allowed.
@@ -248,18 +260,18 @@ class SolvedMesh:
         """
         optimum, coarser, limits = self.optimum, self.task.coarser, self.session.settings.certificate
         if coarser is None:
-            return math.nan if self.task.compares else None
+            return None if self.task.goal is MeshGoal.SINGLE else math.nan
         if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
             return coarser.race_time
         mesh, nodes = optimum.proposal.mesh, optimum.proposal.coarser
-        return race_time_on_coarser_mesh(self.session, self.flight, mesh, optimum.iterate, nodes)
+        return race_time_on_coarser_mesh(self.session, self.stage_problem, mesh, optimum.iterate, nodes)
 
     @cached_property
     def certificate(self) -> Certificate:
-        """The certificate of the optimum."""
+        """The certificate of the optimum; where it is the first to ask, the coarser optimum is solved for."""
         optimum, solution = self.optimum, self.solution
         claim, status = Item("solver", 0.0, 0.0, "", solution.status), f"{solution.solver}: {solution.status}"
-        if self.task.loose_tolerance:
+        if self.task.goal is MeshGoal.ROUGH:
             return certify_rough(
                 optimum.problem,
                 optimum.iterate,
@@ -279,12 +291,14 @@ class SolvedMesh:
             kkt_error=solution.kkt.largest,
             second_order=solution.second_order,
             coarser_race_time=self.coarser_race_time,
-            clearance=clearance_item(self.flight, optimum.problem, self.approaches, self.session.settings.certificate),
+            clearance=clearance_item(
+                self.stage_problem, optimum.problem, self.approaches, self.session.settings.certificate
+            ),
         )
 
-    def carry(self, proposal: MeshProposal, flight: StageProblem | None = None) -> Multipliers:
-        """Return the multipliers on another mesh, by default of the same flight."""
-        problem = (flight or self.flight).problem(proposal.mesh)
+    def carry(self, proposal: MeshProposal, stage_problem: StageProblem | None = None) -> Multipliers:
+        """Return the multipliers on another mesh, by default of the same stage problem."""
+        problem = (stage_problem or self.stage_problem).problem(proposal.mesh)
         return carry_multipliers(self.solution.multipliers, self.optimum.problem, problem)
 
 
@@ -339,7 +353,7 @@ def solve_on_mesh(
         task: the mesh.
         iterations_max: fewer iterations than the settings allow; None for as many.
     """
-    problem, number = task.flight.problem(task.proposal.mesh), max(task.number, 0)
+    problem, number = task.stage_problem.problem(task.proposal.mesh), max(task.number, 0)
     purpose = task.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
     session.progress.activity(f"{purpose}, {problem.intervals} intervals", number, 0)
     solution = session.solve(
@@ -349,8 +363,8 @@ def solve_on_mesh(
         barrier=task.barrier,
         solvers=task.solvers,
         iterations_max=iterations_max,
-        loose_tolerance=task.loose_tolerance,
-        reference_only=task.reference_only,
+        loose_tolerance=ROUGH_TOLERANCE if task.goal is MeshGoal.ROUGH else 0.0,
+        reference_only=task.goal is MeshGoal.REFERENCE,
         multipliers=task.multipliers,
     )
     if solution is None or not solution.success:
@@ -362,18 +376,18 @@ def solve_on_mesh(
 
 
 def race_time_on_coarser_mesh(
-    session: SolverSession, flight: StageProblem, mesh: Mesh, iterate: Iterate, nodes: Marks
+    session: SolverSession, stage_problem: StageProblem, mesh: Mesh, iterate: Iterate, nodes: Marks
 ) -> float:
     """Return the race time of the optimum on a coarser mesh, solved for from an optimum, s; NaN if there is none.
 
     Args:
         session: solves.
-        flight: the problem of the stage.
+        stage_problem: the problem of the stage.
         mesh, iterate: of the optimum.
         nodes: which nodes the coarser mesh has; shape (N + 1,).
     """
     coarse_mesh, guess = restrict(mesh, iterate, nodes)
-    problem, barrier = flight.problem(coarse_mesh), InitialBarrier.COARSER_MESH
+    problem, barrier = stage_problem.problem(coarse_mesh), InitialBarrier.COARSER_MESH
     solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, reference_only=True)
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
 
@@ -393,13 +407,13 @@ def carry_multipliers(multipliers: Multipliers, source: Problem, target: Problem
 def solve_certified(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
     first = MeshProposal.first(start.problem, start.guess)
-    task = task_to_certify(session, start.flight, first, start.barrier, (solver,), start.multipliers)
+    task = task_to_certify(session, start.stage_problem, first, start.barrier, (solver,), start.multipliers)
     return refine(session, start, task, next_until_certified)
 
 
 def task_to_certify(
     session: SolverSession,
-    flight: StageProblem,
+    stage_problem: StageProblem,
     proposal: MeshProposal,
     barrier: InitialBarrier,
     solvers: tuple[str, ...],
@@ -411,9 +425,9 @@ def task_to_certify(
 ) -> MeshTask:
     """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `MeshTask`."""
     # Where there is nothing to compare with, another mesh follows in any case.
-    reference_only = coarser is None and number < session.settings.mesh.refinements_max
+    another_follows = coarser is None and number < session.settings.mesh.refinements_max
     return MeshTask(
-        flight,
+        stage_problem,
         proposal,
         barrier,
         solvers,
@@ -421,7 +435,7 @@ def task_to_certify(
         number=number,
         before=before,
         coarser=coarser,
-        reference_only=reference_only,
+        goal=MeshGoal.REFERENCE if another_follows else MeshGoal.CERTIFIED,
     )
 
 
@@ -431,7 +445,7 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
     Where the model bounds its intervals, so that none may be joined, a first mesh that is not wrong is halved at once:
     on the shipped courses that moved the race time by 2.6 ms at most.
     """
-    optimum, task, session, flight = solved.optimum, solved.task, solved.session, solved.flight
+    optimum, task, session, stage_problem = solved.optimum, solved.task, solved.session, solved.stage_problem
     limits, coarser, same_mesh = session.settings.certificate, task.coarser, False
     if task.then is not None:
         return replace(task.then, before=optimum, coarser=optimum)
@@ -440,7 +454,7 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
         same_mesh = proposal is None and solved.violates_clearance(CLEARANCE_SAFETY)
         if proposal is not None or same_mesh:
             proposal = proposal or replace(task.proposal, guess=optimum.iterate)
-            flight, proposal = solved.place_clearance_constraints(proposal)
+            stage_problem, proposal = solved.place_clearance_constraints(proposal)
         else:
             proposal, coarser = bisect_all(optimum, limits), optimum
     elif solved.certificate.certified:
@@ -448,7 +462,7 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
     elif solved.violates_clearance():
         return _both_meshes_again(solved)
     elif any(item.name == RACE_TIME_CHANGE for item in solved.certificate.failed):
-        flight, proposal = solved.place_clearance_constraints(refine_changed(optimum, coarser, limits))
+        stage_problem, proposal = solved.place_clearance_constraints(refine_changed(optimum, coarser, limits))
         coarser = None
     else:
         proposal = refine_flagged(optimum, limits)
@@ -456,11 +470,11 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
             return None
     following = task_to_certify(
         session,
-        flight,
+        stage_problem,
         proposal,
         solved.barrier,
         session.solvers,
-        solved.carry(proposal, flight),
+        solved.carry(proposal, stage_problem),
         number=task.number + (not same_mesh),
         before=optimum,
         coarser=coarser,
@@ -479,28 +493,28 @@ def _both_meshes_again(solved: SolvedMesh) -> MeshTask:
     So both race times are those of the same conditions.
     """
     optimum, session = solved.optimum, solved.session
-    flight, fine = solved.place_clearance_constraints(replace(optimum.proposal, guess=optimum.iterate))
+    stage_problem, fine = solved.place_clearance_constraints(replace(optimum.proposal, guess=optimum.iterate))
     mesh, guess = restrict(fine.mesh, fine.guess, fine.coarser)
-    coarse = MeshProposal.first(flight.problem(mesh), guess)
+    coarse = MeshProposal.first(stage_problem.problem(mesh), guess)
     again = MeshTask(
-        flight,
+        stage_problem,
         fine,
         InitialBarrier.OTHER_MESH,
         session.solvers,
-        solved.carry(fine, flight),
+        solved.carry(fine, stage_problem),
         number=solved.task.number,
         clearance_rounds=solved.task.clearance_rounds + 1,
         nodes_beside_passings=solved.nodes_beside_passings,
         violating=solved,
     )
     return MeshTask(
-        flight,
+        stage_problem,
         coarse,
         InitialBarrier.OTHER_MESH,
         session.solvers,
-        solved.carry(coarse, flight),
+        solved.carry(coarse, stage_problem),
         number=-1,
-        reference_only=True,
+        goal=MeshGoal.REFERENCE,
         purpose="the coarser mesh",
         violating=solved,
         then=again,
@@ -509,7 +523,7 @@ def _both_meshes_again(solved: SolvedMesh) -> MeshTask:
 
 def adapt_joining(solved: SolvedMesh) -> MeshProposal | None:
     """Return a better first mesh, or None; where intervals may not be joined only for an optimum made of errors."""
-    early = solved.task.number < ADAPTATIONS_MAX and math.isinf(solved.flight.longest_interval)
+    early = solved.task.number < ADAPTATIONS_MAX and math.isinf(solved.stage_problem.longest_interval)
     return adapt(solved.optimum, solved.session.settings.certificate, early=early, joining=early)
 
 
@@ -519,7 +533,7 @@ def _finish(start: Start, solved: SolvedMesh) -> StageResult:
     failed = failures(certificate.failed)
     regularisation = regularisation_share(optimum.problem, optimum.iterate, solution.objective)
     return conclude(
-        solved.flight,
+        solved.stage_problem,
         solved.session,
         optimum.problem,
         optimum.iterate,
@@ -563,4 +577,4 @@ def _failure_result(session: SolverSession, failures: Sequence[Failure], diagnos
                 message = f"{message}; perhaps {conflict}"
         if outcome is Status.NOT_CONVERGED:
             message = f"{message}; try the other --guess, a finer settings.mesh.interval_s, or milder rules"
-    return conclude(start.flight, session, start.problem, last, outcome=outcome, message=message)
+    return conclude(start.stage_problem, session, start.problem, last, outcome=outcome, message=message)

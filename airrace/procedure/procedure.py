@@ -210,9 +210,9 @@ def _solve_stages(
     done = dict(finished)
     first_solutions = None
     if Stage.HOMOTOPY in done:
-        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_routes(models, session))
-    for following in stages[:1]:
-        models.preload(following, session.service, _pylon_conditions(done))
+        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_race(models, session))
+    if stages:
+        models.preload(stages[0], session.service, _pylon_conditions(done))
     for number, stage in enumerate(stages):
         session.progress.stage_started(stage)
         if not remark:
@@ -258,7 +258,7 @@ def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, sea
 
     With `searches` the point mass follows, which searches for routes.
     """
-    relaxed, budget = _relaxed_routes(models, session), BUDGETS.get(session.settings.search)
+    relaxed, budget = _relaxed_race(models, session), BUDGETS.get(session.settings.search)
     if budget is None or not searches:
         return FirstSolutions(_solve_homotopy(models, relaxed, session), relaxed)
     jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]]
@@ -282,7 +282,7 @@ def _solve_homotopy(models: StageModels, relaxed: RelaxedRace, session: SolverSe
     return solve_homotopy(models.problem(Stage.HOMOTOPY), session, infeasibility_around)
 
 
-def _relaxed_routes(models: StageModels, session: SolverSession) -> RelaxedRace:
+def _relaxed_race(models: StageModels, session: SolverSession) -> RelaxedRace:
     return RelaxedRace(models.race, models.problem(Stage.POINT_MASS), session.settings.mesh)
 
 
@@ -304,7 +304,7 @@ def solve_point_mass(
         strategy: how closely it is solved.
         first_solutions: the homotopy; None where the plan is the guess.
     """
-    relaxed = _relaxed_routes(models, session) if first_solutions is None else first_solutions.relaxed
+    relaxed = _relaxed_race(models, session) if first_solutions is None else first_solutions.relaxed
     result = _search_and_solve(models, session, strategy, first_solutions, relaxed)
     return diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
 
@@ -373,13 +373,13 @@ def _search_starts(
     homotopy: Callable[[], HomotopyOutcome],
 ) -> list[InitialGuess]:
     """Return the starts of a search, those of a run without a search among them, so that none is lost by it."""
-    flight, starts = models.problem(Stage.POINT_MASS), list[InitialGuess]()
+    stage_problem, starts = models.problem(Stage.POINT_MASS), list[InitialGuess]()
     infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
     if not infeasible and (budget.homotopy or first_solutions is not None):
         pieces = homotopy().result
         if pieces.outcome is Status.SOLVED:
             mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
-            starts.append(InitialGuess(flight, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
+            starts.append(InitialGuess(stage_problem, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
     plans = None if first_solutions is None else first_solutions.plans
     if plans is None:
         return [*starts, *plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)]
@@ -398,37 +398,37 @@ def _first_starts(
 
     A homotopy that is infeasible comes last, for it ends the stage.
     """
-    flight, mesh = models.problem(Stage.POINT_MASS), session.settings.mesh
+    stage_problem, mesh = models.problem(Stage.POINT_MASS), session.settings.mesh
 
     def concatenate_phases() -> Start | StageResult:
-        if first_solutions is None:  # nor has the plan led anywhere
+        if first_solutions is None:  # nor has the plan led anywhere: the relaxed race is solved while there is time
             conflict_location(relaxed.solve(session))
         outcome = homotopy()
         pieces = outcome.result
         if any(note.kind is NoteKind.PLANNED_PHASES for note in pieces.notes):
             where = conflict_location(relaxed.solve(session))
             if where:
-                start = planned_start(flight, mesh)
+                start = planned_start(stage_problem, mesh)
                 message = f"the limits contradict each other at {where}"
-                return _infeasible(flight, session, start.problem, start.guess, message)
+                return _infeasible(stage_problem, session, start.problem, start.guess, message)
         if outcome.infeasibility is not None:
             local = outcome.infeasibility
-            return _infeasible(flight, session, local.problem, local.guess, binding_limit(session, local))
-        problem = flight.problem(mesh_of(pieces.trajectory))
-        return Start(flight, problem, iterate_of(pieces.trajectory), InitialBarrier.PIECES)
+            return _infeasible(stage_problem, session, local.problem, local.guess, binding_limit(session, local))
+        problem = stage_problem.problem(mesh_of(pieces.trajectory))
+        return Start(stage_problem, problem, iterate_of(pieces.trajectory), InitialBarrier.PIECES)
 
     longer = [] if replanned is None else [functools.partial(planned_start, replanned, mesh)]
     if first_solutions is None:
-        return [functools.partial(planned_start, flight, mesh), *longer, concatenate_phases]
+        return [functools.partial(planned_start, stage_problem, mesh), *longer, concatenate_phases]
     if first_solutions.homotopy.infeasibility is not None:
         return [*longer, concatenate_phases]
-    return [concatenate_phases, functools.partial(planned_start, flight, mesh), *longer]
+    return [concatenate_phases, functools.partial(planned_start, stage_problem, mesh), *longer]
 
 
 def _infeasible(
-    flight: StageProblem, session: SolverSession, problem: Problem, iterate: Iterate, message: str
+    stage_problem: StageProblem, session: SolverSession, problem: Problem, iterate: Iterate, message: str
 ) -> StageResult:
-    return conclude(flight, session, problem, iterate, outcome=Status.INFEASIBLE, message=message)
+    return conclude(stage_problem, session, problem, iterate, outcome=Status.INFEASIBLE, message=message)
 
 
 def _solve_from(start: Start, strategy: MeshStrategy, session: SolverSession) -> StageResult:
@@ -541,14 +541,14 @@ def choose_and_carry(models: StageModels, results: Sequence[StageResult], settin
     Those are as many as the settings say, else those that are hardly slower. Race times of rough optima are too
     long by different amounts: what they may be off by leaves no route out, nor makes two routes one.
     """
-    flight = models.problem(results[0].stage)
-    chosen = simplest_of(flight, results)
+    stage_problem = models.problem(results[0].stage)
+    chosen = simplest_of(stage_problem, results)
     is_rough = any(result.is_rough for result in results)
     longest = chosen.trajectory.race_time + CARRIED_LAG
     if is_rough:
         longest += mesh_resolution(settings, chosen.trajectory.race_time)
     else:
-        chosen = with_note_on_faster(flight, chosen, results)
+        chosen = with_note_on_faster(stage_problem, chosen, results)
     if settings.alternatives:
         longest = math.inf
     carried: list[StageResult] = []

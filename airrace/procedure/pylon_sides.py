@@ -58,17 +58,17 @@ def on_other_sides(models: StageModels, optimum: StageResult, tried: set[Sides],
     """
     if not optimum.holds:
         return []
-    flight, (mesh, iterate) = models.problem_along(optimum.stage, optimum), coarse_mesh(optimum)
-    if flight.clearance is None:
+    stage_problem, (mesh, iterate) = models.problem_along(optimum.stage, optimum), coarse_mesh(optimum)
+    if stage_problem.clearance is None:
         return []
     race_time = optimum.trajectory.race_time
     slowest = race_time + mesh_resolution(session.settings, race_time)
     solves: list[Solve] = []
-    for conditions in flight.clearance.on_other_sides(flight.plan, flight.problem(mesh), iterate):
+    for conditions in stage_problem.clearance.on_other_sides(stage_problem.plan, stage_problem.problem(mesh), iterate):
         if (sides := sides_of(conditions)) in tried:
             continue
         tried.add(sides)
-        other = flight.with_conditions(conditions)
+        other = stage_problem.with_conditions(conditions)
         solves.append(functools.partial(_solve, other, optimum, slowest))
     return solves
 
@@ -78,12 +78,14 @@ def sides_of(conditions: Sequence[PylonCondition]) -> Sides:
     return frozenset((condition.element, condition.post, condition.leg, condition.side) for condition in conditions)
 
 
-def _solve(flight: StageProblem, optimum: StageResult, slowest: float, session: SolverSession) -> StageResult | Failure:
+def _solve(
+    stage_problem: StageProblem, optimum: StageResult, slowest: float, session: SolverSession
+) -> StageResult | Failure:
     """Solve a race past a pylon on its other side from an optimum; nothing slower than `slowest` (s) is of use."""
     mesh, iterate = coarse_mesh(optimum)
     start = Start(
-        flight,
-        flight.problem(mesh),
+        stage_problem,
+        stage_problem.problem(mesh),
         iterate,
         InitialBarrier.PIECES,
         optimum.provenance,

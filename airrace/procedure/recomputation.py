@@ -133,9 +133,9 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
 
 def _recompute_one(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
     if fidelity_of(result.stage).guess:
-        flight = without_pilot_limits(formulate(Stage.POINT_MASS, race, settings), race)
-        trajectory = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
-        return replace(result, trajectory=trajectory, splits=gate_splits(flight, trajectory), certificate=None)
+        stage_problem = without_pilot_limits(formulate(Stage.POINT_MASS, race, settings), race)
+        trajectory = trajectory_of(stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
+        return replace(result, trajectory=trajectory, splits=gate_splits(stage_problem, trajectory), certificate=None)
     measured = measure(race, settings, TrustedData.of(result), service)
     status = "" if result.certificate is None else result.certificate.solver_status
     return replace(
@@ -165,8 +165,8 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         CheckpointError: the multipliers do not belong to a flight of this race.
         SolverCrash: the solver process died.
     """
-    flight = formulate(trusted.stage, race, settings, trusted.trajectory, trusted.pylon_conditions)
-    problem, iterate = flight.problem(mesh_of(trusted.trajectory)), iterate_of(trusted.trajectory)
+    stage_problem = formulate(trusted.stage, race, settings, trusted.trajectory, trusted.pylon_conditions)
+    problem, iterate = stage_problem.problem(mesh_of(trusted.trajectory)), iterate_of(trusted.trajectory)
     layout = Layout(problem)
     if trusted.multipliers.shape != (layout.constraints,):
         raise CheckpointError(
@@ -199,15 +199,18 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
             status="",
             kkt_error=error.largest,
             second_order=None if judged is None else judged[0],
-            coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
+            coarser_race_time=_coarser_race_time(stage_problem, settings, trusted, service),
             clearance=clearance_item(
-                flight, problem, approaches(flight, problem, iterate, evidence.replay), settings.certificate
+                stage_problem,
+                problem,
+                approaches(stage_problem, problem, iterate, evidence.replay),
+                settings.certificate,
             ),
         )
     trajectory = trajectory_of(problem, iterate)
     return Measured(
         trajectory=trajectory,
-        splits=gate_splits(flight, trajectory),
+        splits=gate_splits(stage_problem, trajectory),
         bound_multipliers=bound_multipliers,
         regularisation=regularisation_share(problem, iterate, functions.f),
         defect=evidence.check.defect,
@@ -218,7 +221,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
 
 
 def _coarser_race_time(
-    flight: StageProblem, settings: Settings, trusted: TrustedData, service: SolverService
+    stage_problem: StageProblem, settings: Settings, trusted: TrustedData, service: SolverService
 ) -> float | None:
     """Return the race time of the optimum on the mesh that the result's was divided from, s.
 
@@ -232,4 +235,4 @@ def _coarser_race_time(
     if not whole or np.diff(np.flatnonzero(coarser)).min(initial=2) < 2:
         return math.nan
     session = SolverSession(service, settings, Silent())
-    return race_time_on_coarser_mesh(session, flight, mesh_of(trajectory), iterate_of(trajectory), coarser)
+    return race_time_on_coarser_mesh(session, stage_problem, mesh_of(trajectory), iterate_of(trajectory), coarser)

@@ -33,6 +33,7 @@ from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.mesh_check import check_mesh
 from airrace.procedure.mesh_loop import (
     Failure,
+    MeshGoal,
     MeshStrategy,
     MeshTask,
     carry_multipliers,
@@ -195,9 +196,9 @@ def _fastest(
     models: StageModels, session: SolverSession, restarted: RestartedFlights, remark: str
 ) -> tuple[StageResult, str]:
     """Return the flight that is chosen, with slower ones as its alternatives, and the remark on the start."""
-    flight, main, around = models.problem(restarted.flights[0].stage), restarted.main, restarted.around
+    stage_problem, main, around = models.problem(restarted.flights[0].stage), restarted.main, restarted.around
     flights = with_other_sides(models, restarted.flights, session)
-    best = simplest_of(flight, flights)
+    best = simplest_of(stage_problem, flights)
     slower = sorted(
         (slower_flight for slower_flight in flights if slower_flight is not best),
         key=lambda slower_flight: slower_flight.trajectory.race_time,
@@ -220,7 +221,7 @@ def _fastest(
             time = optimum.trajectory.race_time
             routes.append(Route(restarted.route_of(optimum), time, time - best.trajectory.race_time, OPTIMUM))
         report = replace(NOT_SEARCHED, routes=tuple(routes) if slower else ())
-    best = with_note_on_faster(flight, best, flights)
+    best = with_note_on_faster(stage_problem, best, flights)
     return replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=report), remark
 
 
@@ -241,7 +242,7 @@ def _search_around(
 def _refine_route(around: RoutesAround, session: SolverSession, point_mass_strategy: MeshStrategy) -> StageResult:
     """Return the point mass's optimum on the best route that was found around a flight."""
     best = around.best
-    start = Start(best.flight, best.problem, best.iterate, InitialBarrier.COARSE, multipliers=best.multipliers)
+    start = Start(best.stage_problem, best.problem, best.iterate, InitialBarrier.COARSE, multipliers=best.multipliers)
     return solve_from_starts(session, [lambda: start], point_mass_strategy)
 
 
@@ -263,7 +264,7 @@ def _on_other_route(
     whole = start_along(models, session, continued.stage, point_mass)
     start = replace(_splice(whole, continued, around.phases, name), iterations_max=ITERATIONS_MAX)
     proposal, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
-    first = task_to_certify(session, start.flight, proposal, start.barrier, (primary,), None)
+    first = task_to_certify(session, start.stage_problem, proposal, start.barrier, (primary,), None)
     result = refine(session, start, replace(first, purpose="on another route"), next_until_certified)
     return result if isinstance(result, StageResult) and result.certified else None
 
@@ -271,14 +272,16 @@ def _on_other_route(
 def _splice(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> Start:
     """Return a start with some phases as given, and the others as in an optimum on another route."""
     mesh, stored = coarse_mesh(optimum)
-    stored_problem = whole.flight.problem(mesh)
+    stored_problem = whole.stage_problem.problem(mesh)
     sources = [
         (whole.guess, whole.problem) if index in phases else (stored, stored_problem) for index in range(len(mesh))
     ]
     mesh = [problem.phases[index].fractions for index, (_, problem) in enumerate(sources)]
     guess = concatenate([phase_piece(guess, problem, index) for index, (guess, problem) in enumerate(sources)])
     provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
-    return replace(whole, problem=whole.flight.problem(mesh), guess=guess, provenance=provenance, multipliers=None)
+    return replace(
+        whole, problem=whole.stage_problem.problem(mesh), guess=guess, provenance=provenance, multipliers=None
+    )
 
 
 def _remark(source: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
@@ -294,17 +297,17 @@ def _from_optimum(models: StageModels, session: SolverSession, optimum: StageRes
     """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
     stored = _in_order_of(models.problem(optimum.stage), optimum)
     assert stored is not None  # there would be an obstacle
-    flight = models.problem_along(optimum.stage, optimum)
-    start, finer = _start(flight, optimum, stored, name)
+    stage_problem = models.problem_along(optimum.stage, optimum)
+    start, finer = _start(stage_problem, optimum, stored, name)
     primary = session.solvers[0]
     reference = MeshTask(
-        flight,
+        stage_problem,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
         (primary,),
         start.multipliers,
         number=-1,
-        reference_only=True,
+        goal=MeshGoal.REFERENCE,
         purpose=f"from {start.provenance.source}",
     )
     coarse = solve_on_mesh(session, start, reference, ITERATIONS_MAX)
@@ -316,12 +319,12 @@ def _from_optimum(models: StageModels, session: SolverSession, optimum: StageRes
         number, coarser = 0, None
     else:
         proposal = replace(finer, guess=_carry_change(finer, start.guess, coarse.optimum.iterate))
-        proposal = refine_guess(proposal, flight.problem(proposal.mesh), session.settings.certificate)
+        proposal = refine_guess(proposal, stage_problem.problem(proposal.mesh), session.settings.certificate)
         multipliers = coarse.carry(proposal)
         number, coarser = min(1, session.settings.mesh.refinements_max), coarse.optimum
     first = task_to_certify(
         session,
-        flight,
+        stage_problem,
         proposal,
         InitialBarrier.OTHER_MESH,
         (primary,),
@@ -345,13 +348,13 @@ def _obstacle(models: StageModels, optimum: StageResult) -> str:
     return ""
 
 
-def _other_way(flight: StageProblem, optimum: StageResult) -> str:
+def _other_way(stage_problem: StageProblem, optimum: StageResult) -> str:
     """Return the first gate or pylon that is planned to be crossed, or banked in, unlike in the stored flight.
 
     It is empty if there is none. Conditions at a passing are those of the planned direction, so no solver could lead
     from the one to the other.
     """
-    for waypoint, split in zip(flight.plan.waypoints, optimum.splits, strict=True):
+    for waypoint, split in zip(stage_problem.plan.waypoints, optimum.splits, strict=True):
         if not waypoint.passage.element.stands:
             continue
         banked = waypoint.bank is not None and math.cos(split.bank - waypoint.bank) < 0.0
@@ -360,21 +363,23 @@ def _other_way(flight: StageProblem, optimum: StageResult) -> str:
     return ""
 
 
-def _start(flight: StageProblem, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
+def _start(
+    stage_problem: StageProblem, optimum: StageResult, stored: Iterate, name: str
+) -> tuple[Start, MeshProposal | None]:
     """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
     mesh, nodes, finer = mesh_of(optimum.trajectory), optimum.coarser_nodes, None
-    whole = flight.problem(mesh)
+    whole = stage_problem.problem(mesh)
     if not nodes.all() and nodes[optimum.trajectory.first_node].all():
         finer = bisect_coarse(MeshProposal(mesh, stored, optimum.mesh.why, nodes))
         mesh, stored = restrict(mesh, stored, nodes)
-    problem, layout = flight.problem(mesh), Layout(whole)
+    problem, layout = stage_problem.problem(mesh), Layout(whole)
     multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     if multipliers.constraints.shape == (layout.constraints,) and multipliers.bounds.shape == (layout.unknowns,):
         multipliers = carry_multipliers(multipliers, whole, problem)
     else:
         multipliers = None  # they belong to other limits
     provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
-    return Start(flight, problem, stored, InitialBarrier.OTHER_MESH, provenance, multipliers), finer
+    return Start(stage_problem, problem, stored, InitialBarrier.OTHER_MESH, provenance, multipliers), finer
 
 
 def _carry_change(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
@@ -390,9 +395,9 @@ def _carry_change(finer: MeshProposal, before: Iterate, after: Iterate) -> Itera
     )
 
 
-def _in_order_of(flight: StageProblem, optimum: StageResult) -> Iterate | None:
+def _in_order_of(stage_problem: StageProblem, optimum: StageResult) -> Iterate | None:
     """Return the stored flight with the states and controls of a model, by names and units; None where they differ."""
-    system, trajectory = flight.model.system, optimum.trajectory
+    system, trajectory = stage_problem.model.system, optimum.trajectory
     rows: list[Array] = []
     for quantities, stored, values in (
         (system.states, trajectory.states, trajectory.state),

@@ -54,6 +54,7 @@ def schedule(settings: Settings, until: Stage, finished: Mapping[Stage, StageRes
         if result.holds and not result.certified and checks_mesh(settings, stage, until):
             mesh_checks.append(stage)
     if source is None or finished:
+        # The last finished stage is where the next one starts from; the others only where a start fails.
         return Schedule(mesh_checks, stages, None, [*mesh_checks, *list(finished)[-1:], *stages, *finished])
     # From the highest stage of the other run; where that fails from its lower ones, and at last from scratch.
     above = STAGES[STAGES.index(source) : STAGES.index(until) + 1]

@@ -8,10 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.procedure.mesh_loop import Failure, MeshTask, SolvedMesh, adapt_joining, refine
+from airrace.procedure.mesh_loop import Failure, MeshGoal, MeshTask, SolvedMesh, adapt_joining, refine
 from airrace.procedure.mesh_proposals import (
     BISECT_ALL_ABOVE,
-    ROUGH_TOLERANCE,
     MeshProposal,
     bisect_all,
     refine_flagged,
@@ -29,8 +28,8 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     are solved roughly, unless the start is an optimum on a good mesh; on that the optimum is solved as closely as any
     that is certified.
     """
-    loose_tolerance = 0.0 if start.barrier.near_optimum else _loose_tolerance(session, 0)
-    return refine(session, start, _uncompared_task(start, solver, loose_tolerance), next_until_good)
+    goal = MeshGoal.SINGLE if start.barrier.near_optimum else _goal(session, 0)
+    return refine(session, start, _first_task(start, solver, goal), next_until_good)
 
 
 def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
@@ -39,56 +38,57 @@ def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageRes
     Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
     as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
     """
-    return refine(session, start, _uncompared_task(start, solver, ROUGH_TOLERANCE), next_until_usable)
+    return refine(session, start, _first_task(start, solver, MeshGoal.ROUGH), next_until_usable)
 
 
-def _uncompared_task(start: Start, solver: str, loose_tolerance: float) -> MeshTask:
+def _first_task(start: Start, solver: str, goal: MeshGoal) -> MeshTask:
     return MeshTask(
-        start.flight,
+        start.stage_problem,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
         (solver,),
         start.multipliers,
-        compares=False,
-        loose_tolerance=loose_tolerance,
+        goal=goal,
     )
 
 
 def next_until_usable(solved: SolvedMesh) -> MeshTask | None:
     """Return the next mesh; None if the next stage can start from the present optimum."""
-    if solved.task.loose_tolerance and solved.certificate.holds:
+    if solved.task.goal is MeshGoal.ROUGH and solved.certificate.holds:
         return None
     return next_until_good(solved)
 
 
-def _loose_tolerance(session: SolverSession, number: int) -> float:
-    return ROUGH_TOLERANCE if number < session.settings.mesh.refinements_max else 0.0
+def _goal(session: SolverSession, number: int) -> MeshGoal:
+    """Return the goal of a mesh after which another one is expected: rough, unless it is the last that is allowed."""
+    return MeshGoal.ROUGH if number < session.settings.mesh.refinements_max else MeshGoal.SINGLE
 
 
 def next_until_good(solved: SolvedMesh) -> MeshTask | None:
     """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
     optimum, task, session = solved.optimum, solved.task, solved.session
-    better = adapt_joining(solved) if task.loose_tolerance else None
+    is_rough = task.goal is MeshGoal.ROUGH
+    better = adapt_joining(solved) if is_rough else None
     good = better or _good_mesh(solved)
     same_mesh = not good and solved.violates_clearance()
-    if not (task.loose_tolerance or good or same_mesh):
+    if not (is_rough or good or same_mesh):
         return None
     # Where the mesh was good already, it is solved on closely.
     proposal = good or replace(task.proposal, guess=optimum.iterate)
-    flight, proposal = solved.place_clearance_constraints(proposal)
+    stage_problem, proposal = solved.place_clearance_constraints(proposal)
     return replace(
         task,
-        flight=flight,
+        stage_problem=stage_problem,
         proposal=proposal,
         barrier=InitialBarrier.COARSER_MESH if better and not solved.violates_clearance() else solved.barrier,
         solvers=session.solvers,
-        multipliers=solved.carry(proposal, flight),
+        multipliers=solved.carry(proposal, stage_problem),
         number=task.number + (not same_mesh),
         clearance_rounds=task.clearance_rounds + same_mesh,
         nodes_beside_passings=solved.nodes_beside_passings,
         violating=solved if same_mesh else None,
         before=optimum,
-        loose_tolerance=_loose_tolerance(session, task.number + 1) if better else 0.0,
+        goal=_goal(session, task.number + 1) if better else MeshGoal.SINGLE,
     )
 
 
@@ -101,7 +101,7 @@ def _good_mesh(solved: SolvedMesh) -> MeshProposal | None:
     optimum, limits = solved.optimum, solved.session.settings.certificate
     if not optimum.proposal.coarser.all():
         return refine_flagged(optimum, limits)
-    if not math.isinf(solved.flight.longest_interval):
+    if not math.isinf(solved.stage_problem.longest_interval):
         return refine_predicted(optimum, limits)
     proposal = refine_flagged(optimum, limits)
     if proposal is None:

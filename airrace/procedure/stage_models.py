@@ -75,9 +75,9 @@ class StageModels:
 
     def problem_along(self, stage: Stage, optimum: StageResult) -> StageProblem:
         """Return the problem of a stage, planned as an optimum goes round."""
-        flight = self.problem(stage)
-        route = plan_from_solution(self.race.course, flight.plan.cruise, optimum.trajectory)
-        return dataclasses.replace(flight, plan=route).with_conditions(optimum.pylon_conditions)
+        stage_problem = self.problem(stage)
+        route = plan_from_solution(self.race.course, stage_problem.plan.cruise, optimum.trajectory)
+        return dataclasses.replace(stage_problem, plan=route).with_conditions(optimum.pylon_conditions)
 
     def preload(self, stage: Stage, service: SolverService, conditions: Sequence[PylonCondition] = ()) -> None:
         """Let a solver process load the equations of a stage, the scheme that integrates them, and what is observed.
@@ -85,26 +85,26 @@ class StageModels:
         Args:
             conditions: on pylons, of the stages that are solved already.
         """
-        flight = self.problem(stage).with_conditions(conditions)
-        problem = flight.problem([(1.0,)] * (len(flight.plan.waypoints) - 1))
+        stage_problem = self.problem(stage).with_conditions(conditions)
+        problem = stage_problem.problem([(1.0,)] * (len(stage_problem.plan.waypoints) - 1))
         service.preload(problem.system, problem.scheme, problem.observations)
 
 
 def start_along(models: StageModels, session: SolverSession, stage: Stage, below: StageResult) -> Start:
     """Return the start of a stage along the optimum of a lower one."""
-    flight, source = models.problem_along(stage, below), models.problem_along(below.stage, below)
-    if flight.fidelity.warm_start.same_dynamics_as is below.stage:
-        return map_controls(flight, source, below)
+    stage_problem, source = models.problem_along(stage, below), models.problem_along(below.stage, below)
+    if stage_problem.fidelity.warm_start.same_dynamics_as is below.stage:
+        return map_controls(stage_problem, source, below)
     session.progress.activity(f"flying along the optimum of {below.stage.value} by error feedback", 0, 0)
     with defer_signals():
-        return track(flight, models.simulators[stage].result(), source, below)
+        return track(stage_problem, models.simulators[stage].result(), source, below)
 
 
 def start_trimmed(models: StageModels, stage: Stage, optimum: StageResult) -> Start:
     """Return the start of a stage trimmed, node by node, in the optimum of a lower one."""
-    flight, source = models.problem_along(stage, optimum), models.problem_along(optimum.stage, optimum)
+    stage_problem, source = models.problem_along(stage, optimum), models.problem_along(optimum.stage, optimum)
     with SYMBOLS, defer_signals():
-        return trimmed_start(flight, source, optimum)
+        return trimmed_start(stage_problem, source, optimum)
 
 
 def _formulate(stage: Stage, race: Race, settings: Settings, plan: Plan) -> StageProblem:

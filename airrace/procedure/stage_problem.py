@@ -193,15 +193,15 @@ def formulate(
     )
 
 
-def without_pilot_limits(flight: StageProblem, race: Race) -> StageProblem:
+def without_pilot_limits(stage_problem: StageProblem, race: Race) -> StageProblem:
     """Return a problem of a race as if its rules had no limits of a pilot.
 
     A guess need not keep them: with them the homotopy of a shipped course takes 673 iterations, without 245.
     """
     rules = dataclasses.replace(race.course.rules, pilot=PilotLimits())
     course = dataclasses.replace(race.course, rules=rules)
-    model = stage_model(flight.stage, dataclasses.replace(race, course=course))
-    return dataclasses.replace(flight, model=model, course=course, pilot=None)
+    model = stage_model(stage_problem.stage, dataclasses.replace(race, course=course))
+    return dataclasses.replace(stage_problem, model=model, course=course, pilot=None)
 
 
 def regularisation_share(problem: Problem, iterate: Iterate, objective: float) -> float:
@@ -258,12 +258,12 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
     return [tuple((phase_steps / phase_steps.sum()).tolist()) for phase_steps in steps]
 
 
-def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
+def gate_splits(stage_problem: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
     """Return one row per passage."""
     q = [trajectory[name] for name in QUATERNION]
-    V_K, z, n_z = trajectory["V_K"], trajectory["z"], history(flight, trajectory, "n_z")
+    V_K, z, n_z = trajectory["V_K"], trajectory["z"], history(stage_problem, trajectory, "n_z")
     splits: list[GateSplit] = []
-    for waypoint, node in zip(flight.plan.waypoints, trajectory.first_node.tolist(), strict=True):
+    for waypoint, node in zip(stage_problem.plan.waypoints, trajectory.first_node.tolist(), strict=True):
         heading, climb, bank = angles(rotation([float(component[node]) for component in q]))
         splits.append(
             GateSplit(
@@ -280,18 +280,18 @@ def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit
     return tuple(splits)
 
 
-def history(flight: StageProblem, trajectory: Trajectory, name: str) -> Array:
+def history(stage_problem: StageProblem, trajectory: Trajectory, name: str) -> Array:
     """Return a state or a path quantity at the nodes, shape (N + 1,).
 
     The last node has the controls of the last interval.
     """
-    system = flight.model.system
+    system = stage_problem.model.system
     names = [quantity.name for quantity in system.path]
     if name not in names:
         return trajectory[name]
     assert system.path_values is not None  # it has path quantities
     control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
-    values = at_points(system.path_values, trajectory.state, control, flight.model.parameter_values)
+    values = at_points(system.path_values, trajectory.state, control, stage_problem.model.parameter_values)
     return values[names.index(name)]
 
 
@@ -324,23 +324,23 @@ class PerturbedProblem:
     its model, for in a race that differs in numbers only parameters and limits differ.
     """
 
-    def __init__(self, race: Race, flight: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
+    def __init__(self, race: Race, stage_problem: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
         """Begin with a race as its flight states it on a mesh.
 
         Args:
             race: the solved race.
-            flight: its flight.
+            stage_problem: its flight.
             mesh: the fractions of each phase.
         """
         self.race = race
-        self.flight = flight
+        self.flight = stage_problem
         self._mesh = mesh
 
     @classmethod
     def of_result(cls, race: Race, settings: Settings, result: StageResult) -> Self:
         """Begin with a stage that was solved: with its route, and on its mesh."""
-        flight = formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions)
-        return cls(race, flight, mesh_of(result.trajectory))
+        stage_problem = formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions)
+        return cls(race, stage_problem, mesh_of(result.trajectory))
 
     def problem(self, race: Race) -> Problem:
         """Return the problem of a race; see `formulation` for the errors."""
@@ -435,8 +435,10 @@ def _at_new_place(waypoint: Waypoint, passage: Passage) -> Waypoint:
     )
 
 
-def load_factors_along(flight: StageProblem, trajectory: Trajectory) -> LoadFactors[Array]:
+def load_factors_along(stage_problem: StageProblem, trajectory: Trajectory) -> LoadFactors[Array]:
     """Return load factors (g) and roll rate (rad/s) at the nodes of a stage's flight, each of shape (N + 1,)."""
     control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
-    values = at_points(load_factors(flight.model.system), trajectory.state, control, flight.model.parameter_values)
+    values = at_points(
+        load_factors(stage_problem.model.system), trajectory.state, control, stage_problem.model.parameter_values
+    )
     return LoadFactors[Array].split(values)

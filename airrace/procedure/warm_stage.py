@@ -128,12 +128,14 @@ class WarmStage:
         """Return the flight of a race; where it differs in more than numbers, its equations are used from now on."""
         ensure_same_passings(passings_of(race.course), passings_of(self._perturbed.race.course), "the known optimum")
         try:
-            flight = self._perturbed.formulation(race)
-            return replace(flight, weights=regularisation_weights(flight.model, self._settings.regularisation))
+            stage_problem = self._perturbed.formulation(race)
+            return replace(
+                stage_problem, weights=regularisation_weights(stage_problem.model, self._settings.regularisation)
+            )
         except OtherStructureError:
-            flight = formulate(optimum.stage, race, self._settings, optimum.trajectory, optimum.pylon_conditions)
-            self._perturbed = PerturbedProblem(race, flight, mesh_of(optimum.trajectory))
-            return flight
+            stage_problem = formulate(optimum.stage, race, self._settings, optimum.trajectory, optimum.pylon_conditions)
+            self._perturbed = PerturbedProblem(race, stage_problem, mesh_of(optimum.trajectory))
+            return stage_problem
 
     def _solve(
         self,

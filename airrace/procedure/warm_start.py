@@ -62,12 +62,12 @@ class InitialBarrier(Enum):
 class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
-    `flight` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are those of the
-    limits, or None; `iterations_max` is that of the first solve, None for that of
-    the settings; an optimum slower than `race_time_max` (s) is not refined.
+    `stage_problem` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are those
+    of the limits, or None; `iterations_max` is that of the first solve, None for that of the settings; an optimum
+    slower than `race_time_max` (s) is not refined.
     """
 
-    flight: StageProblem
+    stage_problem: StageProblem
     problem: Problem
     guess: Iterate
     barrier: InitialBarrier
@@ -83,26 +83,30 @@ class Start:
         return self.problem.mesh == other.problem.mesh and all(np.array_equal(*pair) for pair in pairs)
 
 
-def planned_start(flight: StageProblem, mesh: MeshSettings) -> Start:
+def planned_start(stage_problem: StageProblem, mesh: MeshSettings) -> Start:
     """Return a start straight from the plan of a flight, on its first mesh."""
-    fractions = first_mesh(flight.plan, mesh)
-    return Start(flight, flight.problem(fractions), guess(flight.plan, fractions), InitialBarrier.COLD)
+    fractions = first_mesh(stage_problem.plan, mesh)
+    return Start(
+        stage_problem, stage_problem.problem(fractions), guess(stage_problem.plan, fractions), InitialBarrier.COLD
+    )
 
 
 FEWEST = 4
 """The smallest number of intervals of a phase."""
 
 
-def track(flight: StageProblem, simulator: TrackingSimulator, source: StageProblem, optimum: StageResult) -> Start:
+def track(
+    stage_problem: StageProblem, simulator: TrackingSimulator, source: StageProblem, optimum: StageResult
+) -> Start:
     """Return a start: a stage's model that follows the optimum of another stage, or trimmed where that strays too far.
 
     Args:
-        flight: of the stage to be started.
+        stage_problem: of the stage to be started.
         simulator: flies its model.
         source: of the stage whose optimum is followed.
         optimum: its result.
     """
-    nodes, first_node = first_nodes(optimum, flight.longest_interval)
+    nodes, first_node = first_nodes(optimum, stage_problem.longest_interval)
     simulated = follow(simulator, _reference(source, optimum), nodes=nodes)
     provenance = StageProvenance(
         source_stage=source.stage.value,
@@ -110,25 +114,27 @@ def track(flight: StageProblem, simulator: TrackingSimulator, source: StageProbl
         tracking_error_time=simulated.tracking_error_time,
         terminal_miss=simulated.end_distance,
     )
-    if not simulated.finished or simulated.tracking_error > flight.fidelity.warm_start.max_tracking_error:
-        return dataclasses.replace(trimmed_start(flight, source, optimum), provenance=provenance)
+    if not simulated.finished or simulated.tracking_error > stage_problem.fidelity.warm_start.max_tracking_error:
+        return dataclasses.replace(trimmed_start(stage_problem, source, optimum), provenance=provenance)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
-    start = _start(flight, source, optimum, guess, fractions_of(simulated.time, first_node))
+    start = _start(stage_problem, source, optimum, guess, fractions_of(simulated.time, first_node))
     return dataclasses.replace(start, provenance=provenance)
 
 
-def trimmed_start(flight: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
+def trimmed_start(stage_problem: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
     """Return a start: a stage's model trimmed, node by node, at the motion of the optimum of another stage."""
-    nodes, first_node = first_nodes(optimum, flight.longest_interval)
-    state, control = trim_along(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
+    nodes, first_node = first_nodes(optimum, stage_problem.longest_interval)
+    state, control = trim_along(
+        stage_problem.model, stage_problem.fidelity.controller(), _reference(source, optimum), nodes=nodes
+    )
     guess = Iterate(optimum.trajectory.durations, state, control)
-    return _start(flight, source, optimum, guess, fractions_of(nodes, first_node))
+    return _start(stage_problem, source, optimum, guess, fractions_of(nodes, first_node))
 
 
-def map_controls(flight: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
+def map_controls(stage_problem: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
     """Return a start: the flight of a stage, in the states and controls of another one with the same equations."""
-    trajectory, system = optimum.trajectory, flight.model.system
-    nodes, first_node = first_nodes(optimum, flight.longest_interval)
+    trajectory, system = optimum.trajectory, stage_problem.model.system
+    nodes, first_node = first_nodes(optimum, stage_problem.longest_interval)
     controls = {quantity.name: row for quantity, row in zip(trajectory.controls, trajectory.control, strict=True)}
     states = {
         quantity.name: np.interp(nodes, trajectory.time, history(source, trajectory, quantity.name))
@@ -146,7 +152,7 @@ def map_controls(flight: StageProblem, source: StageProblem, optimum: StageResul
     guess = Iterate(
         trajectory.durations, np.vstack(list(states.values())), np.vstack([control(u) for u in system.controls])
     )
-    return _start(flight, source, optimum, guess, fractions_of(nodes, first_node))
+    return _start(stage_problem, source, optimum, guess, fractions_of(nodes, first_node))
 
 
 def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]:
@@ -172,15 +178,15 @@ def _reference(source: StageProblem, optimum: StageResult) -> Reference:
 
 
 def _start(
-    flight: StageProblem,
+    stage_problem: StageProblem,
     source: StageProblem,
     optimum: StageResult,
     guess: Iterate,
     mesh: Sequence[tuple[float, ...]],
 ) -> Start:
     """Return a start with the optimum's multipliers of the limits that both stages have."""
-    problem, source_problem = flight.problem(mesh), source.problem(mesh_of(optimum.trajectory))
+    problem, source_problem = stage_problem.problem(mesh), source.problem(mesh_of(optimum.trajectory))
     multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     multipliers = transfer_multipliers(multipliers, Layout(source_problem), Layout(problem))
     provenance = StageProvenance(source_stage=source.stage.value)
-    return Start(flight, problem, guess, InitialBarrier.COARSE, provenance, multipliers)
+    return Start(stage_problem, problem, guess, InitialBarrier.COARSE, provenance, multipliers)

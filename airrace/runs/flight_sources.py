@@ -37,8 +37,8 @@ def open_flights(
     """Return the flights of these names, each with a label of its own.
 
     Labels are the names of the files as they are given, with the stage where one was named or the flights are of
-    several ones; with their folders where that tells them apart, and with a number where one is given twice. A log that is not imported yet is aligned with the course of the first file that has
-    one.
+    several ones; with their folders where that tells them apart, and with a number where one is given twice. A log
+    that is not imported yet is aligned with the course of the first file that has one.
 
     Args:
         texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
@@ -93,6 +93,19 @@ def _open_with_files(
 def open_flight(text: str, *, stage: str | None = None) -> Flight:
     """Return the one flight of a name; errors as of `open_flights`."""
     return open_flights([text], stage=stage)[0]
+
+
+def open_stage(text: str, *, stage: str | None = None) -> StageView:
+    """Return the stage of a run that a name tells; errors as of `open_flights`.
+
+    Raises:
+        UsageError: it is a flight log.
+    """
+    name = FlightName.of(text)
+    opened = None if _is_log(name) else source_of(open_file(name.path), name.stage or stage)
+    if not isinstance(opened, StageView):
+        raise UsageError(f"{text} is a flight log; only the stage of a run is solved again")
+    return opened
 
 
 def open_file(path: Path) -> RunState | LogView:
@@ -319,9 +332,12 @@ def log_sections(view: LogView) -> list[str]:
 
     log = view.recorded.log
     facts = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
+    facts.append(("start", f"{log.offset:.3f} s after the first sample"))
+    if math.isfinite(view.race_time_deviation):
+        facts.append(("race time known to", f"{view.race_time_deviation:.2g} s"))
     return [
-        violations_section(view.violations, view.penalty),
-        recording_section([*facts, ("start", f"{log.offset:.3f} s after the first sample")], view.remarks),
+        violations_section(view.violations, view.assumption),
+        recording_section(facts, view.remarks),
         inputs_section(view.inputs, [], view.recorded.versions),
     ]
 

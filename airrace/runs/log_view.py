@@ -57,9 +57,21 @@ class LogView:
 
     @property
     def penalty(self) -> float:
-        """The penalties of all violations that are certain, s; infinity where one of them ends the race."""
+        """The penalties of all violations that are certain, s: infinity where one ends the race, else NaN where no rule
+        states the penalty of one.
+        """
         penalties = [violation.penalty for violation in self.violations if violation.certain]
-        return float(sum(penalty for penalty in penalties if not math.isnan(penalty)))
+        return math.inf if math.inf in penalties else float(sum(penalties))
+
+    @property
+    def race_time_deviation(self) -> float:
+        """The standard deviation of the race time, s; NaN where there is none."""
+        return math.hypot(self.recorded.passings[0].deviation, self.recorded.passings[-1].deviation)
+
+    @property
+    def assumption(self) -> str:
+        """The accuracy that judgements assume, in words."""
+        return self.recorded.log.receiver.assumption
 
     @property
     def begins(self) -> datetime | None:
@@ -155,6 +167,8 @@ class LogView:
             "begins": log.begins or None,
             "start_in_log_s": log.offset,
             "race_time_s": finite(flight.race_time),
+            "race_time_deviation_s": finite(self.race_time_deviation),
+            "assumption": self.assumption,
             **verification,
             "penalty_s": finite(self.penalty),
             "race_over": math.isinf(self.penalty),
@@ -191,7 +205,10 @@ def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
             columns=log.columns,
             remarks=log_flight.remarks,
             receiver=StoredReceiver(
-                *(math.nan if stated is None else stated for stated in (log_flight.noise, log.accuracy)), log.barometric
+                math.nan if log_flight.noise is None else log_flight.noise,
+                math.nan if log.accuracy is None else log.accuracy,
+                log.barometric,
+                log_flight.assumption,
             ),
         ),
         time=flight.time,
@@ -199,11 +216,16 @@ def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
             StoredHistory(history.quantity, history.values, history.basis.value)
             for history in flight.histories.values()
         ),
-        passings=tuple(StoredPassing(crossing.name, crossing.time) for crossing in flight.crossings),
+        passings=tuple(_stored_passing(log_flight, crossing) for crossing in flight.crossings),
         violations=log_flight.violations,
         label=flight.label,
     )
     return LogView(inputs, checkpoint)
+
+
+def _stored_passing(log_flight: "LogFlight", crossing: TimedCrossing) -> StoredPassing:
+    deviation = log_flight.known[crossing.name].time if crossing.found else math.nan
+    return StoredPassing(crossing.name, crossing.time, deviation)
 
 
 def open_log(checkpoint: LogCheckpoint) -> LogView:

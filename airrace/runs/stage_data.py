@@ -1,7 +1,7 @@
 """What a stage or a log tells as sequences and mappings shown as tables: cues, gate splits, and sensitivities."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -9,10 +9,11 @@ from airrace.errors import UsageError
 from airrace.files.inputs import Inputs
 from airrace.flights.results import Flight
 from airrace.flights.results.cues import Cue, cues_of
-from airrace.flights.sensitivity import Sensitivity
+from airrace.flights.sensitivity import LatenessPrice, Sensitivity
 from airrace.model.parameters import ParameterGroup
 from airrace.pages.report.sensitivity_tables import sensitivities_table
-from airrace.pages.views.stage_tables import NOTE, action_table, cue_table, cue_text, place_text, splits_table
+from airrace.pages.views.cue_tables import NOTE, cue_rows, cue_table, cue_text, place_text
+from airrace.pages.views.stage_tables import splits_table
 from airrace.pages.views.tables import RACE, Table, Units
 from airrace.procedure.result import GateSplit, StageResult
 from airrace.runs.json_objects import flight_object
@@ -35,15 +36,28 @@ class Brief(Sequence[Cue]):
     Attributes:
         flight: whose cues they are.
         cues: in order.
+        prices: of lateness, one per cue; none where they were not asked for.
     """
 
     flight: Flight
     cues: tuple[Cue, ...]
+    prices: tuple[LatenessPrice, ...] = ()
 
     @classmethod
     def of(cls, flight: Flight) -> "Brief":
         """Return the briefing of a flight; empty where that knows neither load factor nor attitude."""
         return cls(flight, cues_of(flight))
+
+    def with_prices(self, inputs: Inputs, result: StageResult) -> "Brief":
+        """Return the briefing with the prices of lateness, each solved from the stage whose flight it is.
+
+        Raises:
+            NotCertified: the stage is no optimum, certified or solved.
+        """
+        from airrace.flights.sensitivity.lateness import lateness_prices  # loads the solver
+
+        times = [cue.time for cue in self.cues]
+        return replace(self, prices=tuple(lateness_prices(times, inputs.race, inputs.settings, result)))
 
     @overload
     def __getitem__(self, index: int) -> Cue: ...
@@ -52,7 +66,11 @@ class Brief(Sequence[Cue]):
     def __getitem__(self, index: slice) -> "Brief": ...
 
     def __getitem__(self, index: int | slice) -> "Cue | Brief":
-        return Brief(self.flight, self.cues[index]) if isinstance(index, slice) else self.cues[index]
+        return (
+            replace(self, cues=self.cues[index], prices=self.prices[index])
+            if isinstance(index, slice)
+            else self.cues[index]
+        )
 
     def __len__(self) -> int:
         return len(self.cues)
@@ -62,25 +80,26 @@ class Brief(Sequence[Cue]):
 
     @property
     def lines(self) -> list[str]:
-        """One line per cue, e.g. `6.68 s, 52 m before c1: roll right 6° -> 88°, 0.4 s`."""
+        """One line per cue, e.g. `6.68 s, 52 m before c1: roll right R6 to R88 in 0.4 s; pull 5.1 g`."""
         return [f"{', '.join(filter(None, (f'{cue.time:.2f} s', place_text(cue))))}: {cue_text(cue)}" for cue in self]
 
     def table(self, units: Units = RACE, *, unicode: bool = True) -> Table:
         """Return the table that `airrace brief` prints, in ASCII where `unicode` is False."""
         title = f"{self.flight.label}: what the pilot does, leg by leg"
-        return cue_table(self.cues, title, units=units, notes=[self.flight.stamp.text, NOTE], unicode=unicode)
+        notes = [self.flight.stamp.text, NOTE]
+        return cue_table(self.cues, title, units=units, notes=notes, unicode=unicode, prices=self.prices)
 
     def as_object(self) -> dict[str, object]:
-        """Return the object that `airrace brief --json` prints: one entry of `actions` per row of the CSV."""
-        return {**flight_object(self.flight), "actions": action_table(self.cues).objects()}
+        """Return the object that `airrace brief --json` prints: one entry of `cues` per row of the CSV."""
+        return {**flight_object(self.flight), "cues": cue_rows(self.cues, self.prices).objects()}
 
     def to_dataframe(self) -> "DataFrame":
-        """Return the table that `airrace brief --csv` prints, one row per action, as a data frame of pandas.
+        """Return the table that `airrace brief --csv` prints, one row per cue, as a data frame of pandas.
 
         Raises:
             UsageError: pandas is not installed.
         """
-        return action_table(self.cues).dataframe("time_s")
+        return cue_rows(self.cues, self.prices).dataframe("time_s")
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """Return the table that `airrace brief --csv` prints, as comma-separated values.
@@ -91,7 +110,7 @@ class Brief(Sequence[Cue]):
         Raises:
             StorageError: the system refused.
         """
-        text = action_table(self.cues).csv(".10g")
+        text = cue_rows(self.cues, self.prices).csv(".10g")
         if path is not None:
             write_text(Path(path), text)
         return text

@@ -240,13 +240,22 @@ class StageView:
         certificate = self.result.certificate
         return () if certificate is None else tuple(item.name for item in certificate.failed)
 
-    def cues(self) -> Brief:
+    def cues(self, *, lateness: bool = False) -> Brief:
         """Return what the pilot does, leg by leg, as `airrace brief` prints it.
+
+        Args:
+            lateness: whether the price of lateness of every cue is told; each is solved twice.
 
         Raises:
             UsageError: the stage found no flight.
+            NotCertified: prices were asked for, and the stage is no optimum, or no longer stands.
         """
-        return Brief.of(self.flight())
+        brief = Brief.of(self.flight())
+        if not lateness:
+            return brief
+        if self.stale:
+            raise NotCertified(f"{self.name} has no prices of lateness: {self.stale}")
+        return brief.with_prices(self.inputs, self.result)
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.

@@ -35,6 +35,7 @@ from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
 from airrace.flights.logs.violations import beyond, height_window
+from airrace.model.track.gates import Passing
 from airrace.optimal_control.quantities import Interval
 from airrace.procedure.stored_stages import sampler
 from airrace.flights.results import Flight, TimedCrossing
@@ -289,6 +290,13 @@ class Count:
                 self.lost.append(f"{label}: {breach:.2f} m, told {told:.2f} m; {values}")
 
 
+def is_legal(run: Run) -> bool:
+    """Return whether the optimum keeps the rules of logs: wing tips clear of pylons that it was to pass at a point."""
+    elements = [passage.element for passage in run.inputs.race.course.passages]
+    points = [getattr(element, "passing", None) is Passing.POINT for element in elements]
+    return not any(point and hasattr(element, "reach") for point, element in zip(points, elements, strict=True))
+
+
 def true_excess(crossing: TimedCrossing, detour: Detour) -> float:
     """Return by how much a passing is beyond its limits with a detour, m."""
     element = crossing.passage.element
@@ -303,7 +311,7 @@ def true_excess(crossing: TimedCrossing, detour: Detour) -> float:
 def main() -> None:
     """Record, import, print."""
     arguments = _arguments()
-    runs = [airrace.open(path) for path in arguments.runs]
+    runs = [run for run in map(airrace.open, arguments.runs) if is_legal(run)]
     flights = [run.stages[-1].flight() for run in runs]
     count = Count()
     for number in range(arguments.logs):

@@ -49,16 +49,18 @@ def matched_laps(count: int) -> Trajectory:
     One lap starts from the third of that race. More start from the one flown as often, on its mesh: what they gain is
     no matter of meshes, and what they start from is allowed.
     """
-    flight, state = prepared(laps(count)), passing()
+    stage_problem, state = prepared(laps(count)), passing()
     source, race, used = (FOUR, optimum(FOUR, PLAN).trajectory, [4, 5])
     if count > 1:
         source, race, used = laps(1), matched_laps(1), [0, 1] * count
     mesh = mesh_of(race)
     whole = prepared(source).problem(mesh)
     start = concatenate([phase_piece(iterate_of(race), whole, phase) for phase in used])
-    free = flight.problem([mesh[phase] for phase in used])
-    last = dataclasses.replace(free.phases[-1], end=matched(fixed_state(flight, state), start.state[:, -1], state))
-    problem = dataclasses.replace(free, start=fixed_state(flight, state), phases=(*free.phases[:-1], last))
+    free = stage_problem.problem([mesh[phase] for phase in used])
+    last = dataclasses.replace(
+        free.phases[-1], end=matched(fixed_state(stage_problem, state), start.state[:, -1], state)
+    )
+    problem = dataclasses.replace(free, start=fixed_state(stage_problem, state), phases=(*free.phases[:-1], last))
     with SolverService(threads=1, stall_seconds=PLAN.solver.stall_seconds) as service:
         solution = SolverSession(service, PLAN, Silent()).solve(
             problem, start, "matched laps", barrier=InitialBarrier.PIECES

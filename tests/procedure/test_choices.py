@@ -121,9 +121,9 @@ def test_choices_without_some_ways_are_free_there_and_kept_elsewhere() -> None:
 
 def guessed(race: Race) -> tuple[StageProblem, Trajectory]:
     """The guess from a race's plan."""
-    flight = prepared(race)
-    mesh = first_mesh(flight.plan, MeshSettings())
-    return flight, trajectory_of(flight.problem(mesh), guess(flight.plan, mesh))
+    stage_problem = prepared(race)
+    mesh = first_mesh(stage_problem.plan, MeshSettings())
+    return stage_problem, trajectory_of(stage_problem.problem(mesh), guess(stage_problem.plan, mesh))
 
 
 def assert_same_choices(race: Race, one: Plan, other: Plan) -> None:

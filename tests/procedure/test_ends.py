@@ -35,8 +35,8 @@ def ended(race: Race, start: EndState, finish: EndState) -> Race:
 
 
 def problem_of(race: Race, stage: Stage = Stage.POINT_MASS) -> Problem:
-    flight = prepared(race, stage)
-    return flight.problem(first_mesh(flight.plan, MeshSettings()))
+    stage_problem = prepared(race, stage)
+    return stage_problem.problem(first_mesh(stage_problem.plan, MeshSettings()))
 
 
 def asked(boundary: Boundary, problem: Problem, stage: Stage = Stage.POINT_MASS) -> set[str]:
@@ -75,8 +75,10 @@ def test_all_limits_along_the_path_hold_at_the_finish(stage: Stage) -> None:
 
 
 def test_piece_of_a_homotopy_that_begins_in_mid_race_is_not_settled() -> None:
-    flight = prepared(SMALL)
-    assert asked(fixed_state(flight, np.ones(len(flight.model.system.states))), problem_of(SMALL)) == set()
+    stage_problem = prepared(SMALL)
+    assert (
+        asked(fixed_state(stage_problem, np.ones(len(stage_problem.model.system.states))), problem_of(SMALL)) == set()
+    )
 
 
 @every_stage

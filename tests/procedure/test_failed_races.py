@@ -120,8 +120,8 @@ def test_solver_that_never_comes_back_is_a_timeout_that_still_shows_a_flight() -
     assert result.outcome is Status.TIMEOUT
     assert "no iteration finished within" in result.message
     assert [one.status for one in result.attempts] == ["no iteration finished within 0.02 s"] * 2
-    flight = prepared(SMALL)
-    made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
+    stage_problem = prepared(SMALL)
+    made = guess(stage_problem.plan, first_mesh(stage_problem.plan, Settings().mesh))
     assert (result.trajectory.state == made.state).all()
     assert len(result.splits) == len(SMALL.course.passages)
 

@@ -97,8 +97,8 @@ def test_all_that_a_stage_observes_is_loaded_before_it_is_solved(stage: Stage) -
 
     models = models_of(SHIPPED["half_cuban_eight"], PLAN, stage)
     models.preload(stage, Service())
-    flight = models.problem(stage)
-    layout = Layout(flight.problem(first_mesh(flight.plan, PLAN.mesh)))
+    stage_problem = models.problem(stage)
+    layout = Layout(stage_problem.problem(first_mesh(stage_problem.plan, PLAN.mesh)))
     assert len(loaded) > 1
     assert loaded == {sample.observation.values for sample in layout.output_samples}
 
@@ -188,17 +188,17 @@ def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
 
 @each_race
 def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
-    source, flight = prepared(RACES[name], Stage.STATE_SPACE_INVERSION), prepared(RACES[name], Stage.STATE_SPACE)
+    source, stage_problem = prepared(RACES[name], Stage.STATE_SPACE_INVERSION), prepared(RACES[name], Stage.STATE_SPACE)
     optimum = optimum_of(name, Stage.STATE_SPACE_INVERSION)
-    start = map_controls(flight, source, optimum)
+    start = map_controls(stage_problem, source, optimum)
     flown, steps = optimum.trajectory, interval_durations(start.problem, start.guess.durations)
     nodes = np.concatenate([[0.0], np.cumsum(steps)])
-    assert steps.max() <= flight.longest_interval + 1e-9
-    for row, one in zip(start.guess.state, flight.model.system.states, strict=True):
+    assert steps.max() <= stage_problem.longest_interval + 1e-9
+    for row, one in zip(start.guess.state, stage_problem.model.system.states, strict=True):
         assert np.allclose(row, np.interp(nodes, flown.time, history(source, flown, one.name)), rtol=0.0, atol=1e-9)
     assert (start.guess.durations == flown.durations).all()
-    names = [one.name for one in flight.model.system.states]
-    for row, one in zip(start.guess.control, flight.model.system.controls, strict=True):
+    names = [one.name for one in stage_problem.model.system.states]
+    for row, one in zip(start.guess.control, stage_problem.model.system.controls, strict=True):
         assert one.lower <= row.min()
         assert row.max() <= one.upper
         if one.rate_of:  # straight from deflection to deflection, as fast as surfaces go
@@ -243,13 +243,13 @@ def test_first_mesh_is_as_dense_as_the_one_before_and_no_coarser_than_allowed(lo
 @pytest.mark.parametrize("stage", OPTIMA[1:], ids=lambda stage: stage.value)
 def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> None:
     """Without its corners, which no aircraft that rotates can follow."""
-    source, flight, optimum = prepared(SMALL), prepared(SMALL, stage), solve_stages(SMALL)[0]
-    start = trimmed_start(flight, source, optimum)
+    source, stage_problem, optimum = prepared(SMALL), prepared(SMALL, stage), solve_stages(SMALL)[0]
+    start = trimmed_start(stage_problem, source, optimum)
     reference = from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
-    wanted = at(reference, first_nodes(optimum, flight.longest_interval)[0])
+    wanted = at(reference, first_nodes(optimum, stage_problem.longest_interval)[0])
     x, u = start.guess.state, np.hstack([start.guess.control, start.guess.control[:, -1:]])
-    p = np.repeat(flight.model.parameter_values[:, None], x.shape[1], axis=1)
-    done = LoadFactors[Array].split(np.asarray(load_factors(flight.model.system).map(x.shape[1])(x, u, p)))
+    p = np.repeat(stage_problem.model.parameter_values[:, None], x.shape[1], axis=1)
+    done = LoadFactors[Array].split(np.asarray(load_factors(stage_problem.model.system).map(x.shape[1])(x, u, p)))
     assert np.allclose(done.n_z, wanted.soft_n_z, atol=1e-3)
     assert np.allclose(done.n_y, wanted.n_y, atol=1e-3)
     assert np.allclose(done.p_Kbar, wanted.soft_p, atol=1e-3)
@@ -300,10 +300,12 @@ def test_derived_quantities_are_the_models_own_and_forces_are_load_factors_times
 ) -> None:
     """Load factors as they are told, and as they are seen from the path."""
     race, result = RACES[name], optimum_of(name, stage)
-    flight, histories = prepared(race, stage), named_histories(result)
+    stage_problem, histories = prepared(race, stage), named_histories(result)
     told = histories | {one.name: of(histories) for one, of in derived_quantities(race, result).items()}
-    for one in flight.model.system.path:
-        assert np.allclose(told[one.name], history(flight, result.trajectory, one.name), rtol=0.0, atol=1e-12), one.name
+    for one in stage_problem.model.system.path:
+        assert np.allclose(told[one.name], history(stage_problem, result.trajectory, one.name), rtol=0.0, atol=1e-12), (
+            one.name
+        )
     assert {"n_x", "n_y", "n_z", "C_L", "beta_A", "F_x", "F_y", "F_z"} <= set(told)
     assert stage in WITHOUT_ANGLES or "alpha_A" in told
     weight, seen = EDGE_540.airframe.m * g0, motion(name, stage)

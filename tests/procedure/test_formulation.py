@@ -276,9 +276,9 @@ def test_every_leg_is_a_phase_that_ends_as_planned_at_its_passage_within_all_lim
 
 @pytest.mark.parametrize("name", RACES)
 def test_piece_ends_exactly_as_planned(name: str) -> None:
-    problem, flight = problem_of(RACES[name]), prepared(RACES[name])
-    for waypoint in flight.plan.waypoints[1:]:
-        piece = problem, piece_boundary(waypoint, flight.observation)
+    problem, stage_problem = problem_of(RACES[name]), prepared(RACES[name])
+    for waypoint in stage_problem.plan.waypoints[1:]:
+        piece = problem, piece_boundary(waypoint, stage_problem.observation)
         north, east, height = waypoint.position or (0.0, 0.0, 150.0)
         heading, climb, bank = waypoint.heading / DEGREE, waypoint.climb / DEGREE, (waypoint.bank or 0.0) / DEGREE
         attitude = {"heading": heading, "climb": climb, "bank": bank}
@@ -296,10 +296,10 @@ def test_piece_ends_exactly_as_planned(name: str) -> None:
 
 @pytest.mark.parametrize(("turn", "conditions"), [(9.9, set()), (-9.9, set()), (10.1, {"course_excess_right"})])
 def test_piece_may_leave_the_planned_course_a_little(turn: float, conditions: set[str]) -> None:
-    problem, flight = problem_of(SMALL), prepared(SMALL)
-    last = flight.plan.waypoints[-1]
+    problem, stage_problem = problem_of(SMALL), prepared(SMALL)
+    last = stage_problem.plan.waypoints[-1]
     assert last.position is not None
-    piece = piece_boundary(last, flight.observation)
+    piece = piece_boundary(last, stage_problem.observation)
     assert violated(piece, problem, state(*last.position, heading=last.heading / DEGREE + turn)) == conditions
     climbed = violated(piece, problem, state(*last.position, heading=last.heading / DEGREE, climb=abs(turn)))
     assert climbed == ({"climb_sine"} if conditions else set())
@@ -419,11 +419,11 @@ def test_directions_turn_with_the_reference(state: Array, before: Array, after: 
 
 @pytest.mark.parametrize("missing", ["intervals", "conditions"])
 def test_a_mesh_or_conditions_of_too_few_legs_are_refused(missing: str) -> None:
-    flight = prepared(SMALL)
-    mesh = first_mesh(flight.plan, MeshSettings())
+    stage_problem = prepared(SMALL)
+    mesh = first_mesh(stage_problem.plan, MeshSettings())
     if missing == "intervals":
         mesh = mesh[:-1]
     else:
-        flight = dataclasses.replace(flight, path_constraints=flight.path_constraints[:-1])
+        stage_problem = dataclasses.replace(stage_problem, path_constraints=stage_problem.path_constraints[:-1])
     with pytest.raises(ValueError, match="shorter"):
-        flight.problem(mesh)
+        stage_problem.problem(mesh)

@@ -437,12 +437,12 @@ def test_price_of_held_controls_is_their_regularised_variance_within_the_coarser
 
 
 def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
-    result, flight = solve_stages(SMALL)[0], prepared(SMALL)
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    result, stage_problem = solve_stages(SMALL)[0], prepared(SMALL)
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     mesh, guess = restrict(problem.mesh, iterate, result.mesh.coarser)
     with SolverService() as service:
         solution = SolverSession(service, PLAN, Silent()).solve(
-            flight.problem(mesh), guess, "", barrier=InitialBarrier.COARSER_MESH
+            stage_problem.problem(mesh), guess, "", barrier=InitialBarrier.COARSER_MESH
         )
     assert solution is not None
     objective = result.trajectory.race_time + result.provenance.regularisation
@@ -456,8 +456,8 @@ def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
 ) -> None:
     monkeypatch.setattr(mesh_loop, "GROWTH_MAX", growth)
     monkeypatch.setattr(mesh_loop, "GROWTH_FROM", 0)
-    flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
-    start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
+    stage_problem, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
+    start = Start(stage_problem, stage_problem.problem(mesh), guess(stage_problem.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:
         found = mesh_loop.solve_certified(SolverSession(service, PLAN, Silent()), start, "interior-point")
     assert isinstance(found, StageResult)
@@ -466,8 +466,8 @@ def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
 
 @pytest.mark.parametrize(("race_time_max", "refined"), [(1.0, False), (100.0, True)])
 def test_an_optimum_too_slow_to_be_of_use_is_refined_no_more(race_time_max: float, refined: bool) -> None:
-    flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
-    start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
+    stage_problem, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
+    start = Start(stage_problem, stage_problem.problem(mesh), guess(stage_problem.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
         found = mesh_loop.solve_certified(session, replace(start, race_time_max=race_time_max), "interior-point")
@@ -477,8 +477,14 @@ def test_an_optimum_too_slow_to_be_of_use_is_refined_no_more(race_time_max: floa
 
 
 def test_the_first_solve_has_the_iterations_of_its_start() -> None:
-    flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
-    start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD, iterations_max=3)
+    stage_problem, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
+    start = Start(
+        stage_problem,
+        stage_problem.problem(mesh),
+        guess(stage_problem.plan, mesh),
+        InitialBarrier.COLD,
+        iterations_max=3,
+    )
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
         assert isinstance(mesh_loop.solve_certified(session, start, "interior-point"), mesh_loop.Failure)

@@ -107,14 +107,14 @@ def test_the_planned_line_is_remarked_on() -> None:
 def test_an_obstacle_is_tried_on_its_other_side_as_a_whole() -> None:
     what = race(WALL)
     result = optimum(what, PLAN)
-    flight = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.clearance is not None
+    stage_problem = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory, result.pylon_conditions)
+    assert stage_problem.clearance is not None
     own = [one for one in result.pylon_conditions if one.element == "wall"]
     (side,) = {one.side for one in own}
     far = dataclasses.replace(own[0], error=-50.0)  # the first of them has room to spare
-    rooms = flight.clearance.with_conditions([far, *result.pylon_conditions])
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
-    (conditions,) = rooms.on_other_sides(flight.plan, problem, iterate)
+    rooms = stage_problem.clearance.with_conditions([far, *result.pylon_conditions])
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    (conditions,) = rooms.on_other_sides(stage_problem.plan, problem, iterate)
     turned = [one.side for one in conditions if one.element == "wall"]
     assert len(turned) == len(own) + 1
     assert set(turned) == {PylonSide.LEFT, PylonSide.RIGHT} - {side}
@@ -123,12 +123,12 @@ def test_an_obstacle_is_tried_on_its_other_side_as_a_whole() -> None:
 def test_an_obstacle_that_is_all_but_kept_clear_of_hides_no_pylon_that_is_hit() -> None:
     what = race(MAST, clearance=ClearanceRule.CROSSING)
     result = optimum(what, PLAN)
-    flight = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory)
-    problem = flight.problem(mesh_of(result.trajectory))
+    stage_problem = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory)
+    problem = stage_problem.problem(mesh_of(result.trajectory))
     mast, gate = (next(one for one in pylons_of(what.course) if one.is_obstacle is kind) for kind in (True, False))
     near = [ClosestApproach(one, 0, one.required - by, 1.0, 1.0, 0.0, 0.0) for one, by in ((mast, 1e-3), (gate, 0.4))]
-    item = clearance_item(flight, problem, near, PLAN.certificate)
+    item = clearance_item(stage_problem, problem, near, PLAN.certificate)
     assert item.value == pytest.approx(0.4)
     assert math.isinf(item.limit)  # by the rule of crossings it is told, and decides nothing
     worse = [dataclasses.replace(near[0], distance=mast.required - 0.5), near[1]]
-    assert clearance_item(flight, problem, worse, PLAN.certificate).limit == PLAN.certificate.gate_length
+    assert clearance_item(stage_problem, problem, worse, PLAN.certificate).limit == PLAN.certificate.gate_length

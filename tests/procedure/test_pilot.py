@@ -37,8 +37,8 @@ def flown_by(pilot: PilotLimits, race: Race = SMALL) -> Race:
 
 
 def problem_of(race: Race, stage: Stage = Stage.POINT_MASS) -> Problem:
-    flight = prepared(race, stage)
-    return flight.problem(first_mesh(flight.plan, MeshSettings()))
+    stage_problem = prepared(race, stage)
+    return stage_problem.problem(first_mesh(stage_problem.plan, MeshSettings()))
 
 
 def race_time(race: Race) -> float:
@@ -49,12 +49,12 @@ def race_time(race: Race) -> float:
 
 def observed(stage: Stage, heading: float, climb: float, bank: float, **given: float) -> dict[str, float]:
     """What is seen of a pilot's limits at an attitude (rad) and 80 m/s, with a tolerance of half a g."""
-    flight = prepared(flown_by(RACE_PILOT), stage)
-    assert flight.pilot is not None
-    x = {one.name: 0.0 for one in flight.model.system.states} | {"V_K": 80.0, "z": -20.0, **given}
+    stage_problem = prepared(flown_by(RACE_PILOT), stage)
+    assert stage_problem.pilot is not None
+    x = {one.name: 0.0 for one in stage_problem.model.system.states} | {"V_K": 80.0, "z": -20.0, **given}
     x |= dict(zip(("q0", "q1", "q2", "q3"), quaternion(heading, climb, bank), strict=True))
-    seen = flight.pilot.crossing
-    values = seen.values(np.array(list(x.values())), np.array([0.5, *flight.pilot.values]))
+    seen = stage_problem.pilot.crossing
+    values = seen.values(np.array(list(x.values())), np.array([0.5, *stage_problem.pilot.values]))
     return dict(zip((one.name for one in seen.quantities), np.asarray(values).ravel().tolist(), strict=True))
 
 

@@ -178,10 +178,10 @@ def with_element(race: Race, number: int, **changed: object) -> Race:
 
 def nearest(race: Race, result: StageResult) -> dict[tuple[str, int], float]:
     """The least distances of the wing of a flight from the pylons of a race, by element and number."""
-    flight = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     found: dict[tuple[str, int], float] = {}
-    for one in approaches(flight, problem, iterate, replay(problem, iterate)):
+    for one in approaches(stage_problem, problem, iterate, replay(problem, iterate)):
         key = one.pylon.name, one.pylon.post
         found[key] = min(found.get(key, math.inf), one.distance)
     return found
@@ -225,13 +225,15 @@ def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
 def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
     race = by(ClearanceRule.FLIGHT, planted_race()[0])
     result = optimum(race, PLAN)
-    flight = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.clearance is not None
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
-    (conditions,) = flight.clearance.on_other_sides(flight.plan, problem, iterate)  # those of the passings stay
+    stage_problem = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
+    assert stage_problem.clearance is not None
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    (conditions,) = stage_problem.clearance.on_other_sides(
+        stage_problem.plan, problem, iterate
+    )  # those of the passings stay
     (own,), (other,) = set(result.pylon_conditions) - set(conditions), set(conditions) - set(result.pylon_conditions)
     assert {own.side, other.side} == {PylonSide.LEFT, PylonSide.RIGHT}
-    along = flight.with_conditions(conditions)
+    along = stage_problem.with_conditions(conditions)
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
         start = Start(along, along.problem(problem.mesh), iterate, InitialBarrier.PIECES)
@@ -276,11 +278,13 @@ def test_a_condition_beside_its_moment_abeam_is_reported_by_how_much() -> None:
             else dataclasses.replace(one, error=one.error - 1.0)
             for one in result.pylon_conditions
         ]
-        flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, conditions)
-        problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+        stage_problem = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, conditions)
+        problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
         replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-        assert flight.clearance is not None
-        return flight.clearance.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
+        assert stage_problem.clearance is not None
+        return stage_problem.clearance.measure(
+            stage_problem.plan, replayed, approaches(stage_problem, problem, iterate, replayed.replay)
+        )
 
     assert measure(0.02, -1.0).offset == 0.0  # far from binding, it does not matter where it stands
     own, earlier = measure(0.0, 0.1), measure(0.02, 0.1)
@@ -296,11 +300,13 @@ def test_a_correction_that_is_no_prediction_is_given_up() -> None:
     """As where a wing has flown above the top, or touches the pylon that a correction let it come nearer to."""
     result = optimum(SMALL, PLAN)
     (holds,) = (one for one in result.pylon_conditions if one.element == "pylon")
-    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.clearance is not None
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
+    assert stage_problem.clearance is not None
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-    found = flight.clearance.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
+    found = stage_problem.clearance.measure(
+        stage_problem.plan, replayed, approaches(stage_problem, problem, iterate, replayed.replay)
+    )
     wrong = tuple(dataclasses.replace(one, error=-0.8) if one.element == "pylon" else one for one in found.conditions)
 
     def error_after(distance: float) -> float:
@@ -310,8 +316,8 @@ def test_a_correction_that_is_no_prediction_is_given_up() -> None:
         )
         measured = dataclasses.replace(found, conditions=wrong, distances=far)
         marks = np.ones(problem.intervals + 1, dtype=np.bool_)
-        assert flight.clearance is not None
-        _, _, placed = flight.clearance.place_on_mesh(
+        assert stage_problem.clearance is not None
+        _, _, placed = stage_problem.clearance.place_on_mesh(
             measured, replayed, problem.mesh, iterate, marks, beside_passings=False
         )
         return next(one.error for one in placed if one.element == "pylon")
@@ -351,14 +357,16 @@ def test_by_the_rule_flight_no_wing_comes_nearer_than_its_clearance_and_it_costs
 def test_a_pylon_whose_top_is_below_the_wing_does_not_keep_it_away_to_the_side() -> None:
     """What its condition asks for to the side is for a wing that may hit it."""
     result = optimum(SMALL, PLAN)
-    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.clearance is not None
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
+    assert stage_problem.clearance is not None
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-    low = {key: dataclasses.replace(one, height=one.height - 20.0) for key, one in flight.clearance.pylons.items()}
-    rooms = dataclasses.replace(flight.clearance, pylons=low)
-    wing, legs = replayed_wing(flight, problem, iterate, replayed.replay)
-    measured = rooms.measure(flight.plan, replayed, list(closest_approaches(wing, list(low.values()), legs)))
+    low = {
+        key: dataclasses.replace(one, height=one.height - 20.0) for key, one in stage_problem.clearance.pylons.items()
+    }
+    rooms = dataclasses.replace(stage_problem.clearance, pylons=low)
+    wing, legs = replayed_wing(stage_problem, problem, iterate, replayed.replay)
+    measured = rooms.measure(stage_problem.plan, replayed, list(closest_approaches(wing, list(low.values()), legs)))
     (before,) = (one for one in result.pylon_conditions if one.element == "pylon")
     (after,) = (one for one in measured.conditions if one.element == "pylon")
     assert measured.is_excessive
@@ -373,14 +381,17 @@ def test_a_condition_on_a_side_where_a_wing_does_not_pass_gives_way_to_one_where
     opposite = PylonSide.LEFT if own.side is PylonSide.RIGHT else PylonSide.RIGHT
     wrong = dataclasses.replace(own, side=PylonSide.BELOW if above else opposite, error=-30.0)
     others = [one for one in result.pylon_conditions if one is not own]
-    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, [*others, wrong])
-    assert flight.clearance is not None
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, [*others, wrong])
+    assert stage_problem.clearance is not None
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-    more = {key: dataclasses.replace(one, required=one.required + 0.2) for key, one in flight.clearance.pylons.items()}
-    rooms = dataclasses.replace(flight.clearance, pylons=more)
-    wing, legs = replayed_wing(flight, problem, iterate, replayed.replay)
-    measured = rooms.measure(flight.plan, replayed, list(closest_approaches(wing, list(more.values()), legs)))
+    more = {
+        key: dataclasses.replace(one, required=one.required + 0.2)
+        for key, one in stage_problem.clearance.pylons.items()
+    }
+    rooms = dataclasses.replace(stage_problem.clearance, pylons=more)
+    wing, legs = replayed_wing(stage_problem, problem, iterate, replayed.replay)
+    measured = rooms.measure(stage_problem.plan, replayed, list(closest_approaches(wing, list(more.values()), legs)))
     (after,) = (one for one in measured.conditions if one.element == "pylon")
     assert measured.violation > 0.1
     assert (after.side, after.error) == (own.side, 0.0)

@@ -118,8 +118,8 @@ def _at(function: ca.Function, *arguments: np.ndarray) -> tuple[float, ...]:
 
 @cache
 def known(stage: Stage) -> PerturbedProblem:
-    flight = formulate(stage, inputs().race, Settings())
-    return PerturbedProblem(inputs().race, flight, [(0.5, 0.5)] * len(flight.path_constraints))
+    stage_problem = formulate(stage, inputs().race, Settings())
+    return PerturbedProblem(inputs().race, stage_problem, [(0.5, 0.5)] * len(stage_problem.path_constraints))
 
 
 def differences(race: Race, stage: Stage) -> list[tuple[object, ...]] | None:

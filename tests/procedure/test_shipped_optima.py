@@ -138,8 +138,8 @@ def test_wind_along_the_plane_does_not_tilt_it(origin: float, guess: GuessKind) 
 )
 def test_energy_gained_is_the_work_of_thrust_less_drag(name: str, guess: GuessKind) -> None:
     """In still air `d/dt (V^2/2 + g0 h) = (T - D) V / m`; the forces are written out here once more."""
-    flight, result = prepared(RACES[name]), optimum(RACES[name], settings(guess))
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem, result = prepared(RACES[name]), optimum(RACES[name], settings(guess))
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     seen = replay(problem, iterate)
     state = PointMassState[Array].split(seen.state)
     energy = state.V_K**2 / 2 - g0 * state.z

@@ -286,9 +286,9 @@ def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
 
 @pytest.mark.parametrize("name", RACES)
 def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(name: str) -> None:
-    flight, used = prepared(RACES[name]), session("stuck")
-    result = solve_homotopy(flight, used).result
-    made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
+    stage_problem, used = prepared(RACES[name]), session("stuck")
+    result = solve_homotopy(stage_problem, used).result
+    made = guess(stage_problem.plan, first_mesh(stage_problem.plan, Settings().mesh))
     assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
     phases = result.trajectory.phases
@@ -297,8 +297,8 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
 
 
 def test_homotopy_tries_the_whole_way_first() -> None:
-    flight, used = prepared(SMALL), session("solved")
-    result = solve_homotopy(flight, used).result
+    stage_problem, used = prepared(SMALL), session("solved")
+    result = solve_homotopy(stage_problem, used).result
     parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
     assert parts == ["0", "1"] * 3
     assert result.remarks == ""
@@ -324,16 +324,16 @@ def test_step_that_fails_is_halved_until_it_leads_to_the_real_gate_or_is_too_sma
 
 
 def test_a_phase_that_failed_is_not_tried_again_on_another_lap() -> None:
-    flight = prepared(SIXTEEN)
+    stage_problem = prepared(SIXTEEN)
 
     class Failing(Canned):
         def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
             found = super().solve(problem, guess, **rest)
             return dataclasses.replace(found, success=not problem.phases[-1].name.endswith(f":{name}"))
 
-    name = flight.plan.waypoints[3].passage.name.partition(":")[2]
+    name = stage_problem.plan.waypoints[3].passage.name.partition(":")[2]
     used = SolverSession(Failing("stuck"), Settings(), Silent())
-    result = solve_homotopy(flight, used).result
+    result = solve_homotopy(stage_problem, used).result
     first, second = (one for one in result.trajectory.phases if one.endswith(f":{name}"))
     assert result.remarks == f"left as planned: {first}, {second}"
     tried = {attempt.purpose.partition(",")[0] for attempt in result.attempts}
@@ -341,8 +341,8 @@ def test_a_phase_that_failed_is_not_tried_again_on_another_lap() -> None:
 
 
 def test_short_horizon_of_phases_is_solved_together() -> None:
-    flight, used = prepared(RACES["rovinj_2014"]), session("solved")
-    solve_homotopy(flight, used)
+    stage_problem, used = prepared(RACES["rovinj_2014"]), session("solved")
+    solve_homotopy(stage_problem, used)
     counts = [len(problem.phases) for _, _, problem in asked(used)]
     assert counts == [1, 1, *[2] * (len(counts) - 2)]
 

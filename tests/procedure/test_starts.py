@@ -50,12 +50,12 @@ def test_stage_that_fails_says_so(kept: int) -> None:
 
 def solved_start(*, torn: float = 0.0) -> Start:
     """The point mass's optimum; or a flight that is none, for its last state is so far (m) from where it leads."""
-    flight, flown = prepared(SMALL), solve_stages(SMALL)[0].trajectory
+    stage_problem, flown = prepared(SMALL), solve_stages(SMALL)[0].trajectory
     iterate = iterate_of(flown)
     state = iterate.state.copy()
     state[0, -1] += torn
     begun = Iterate(iterate.durations, state, iterate.control)
-    return Start(flight, flight.problem(mesh_of(flown)), begun, InitialBarrier.OTHER_PROBLEM)
+    return Start(stage_problem, stage_problem.problem(mesh_of(flown)), begun, InitialBarrier.OTHER_PROBLEM)
 
 
 def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], list[str]]:

@@ -133,15 +133,15 @@ def test_keys_tell_the_height_of_pylons_and_when_the_wing_keeps_clear_of_them() 
 def test_a_flight_that_touches_a_pylon_is_certified_by_the_rule_crossing_alone() -> None:
     """A flight between pylons 13 m apart would hit those of a gate of one metre, and none of a wide gate."""
     result = optimum(SMALL, PLAN)
-    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     flown_again = replay(problem, iterate)
     for rule in ClearanceRule:
         items: dict[float, Item] = {}
         for width in (40.0, 1.0):
             rules = dataclasses.replace(SMALL.course.rules, clearance=rule)
             course = dataclasses.replace(with_gates(width), rules=rules)
-            other = dataclasses.replace(flight, course=course)
+            other = dataclasses.replace(stage_problem, course=course)
             found = approaches(other, problem, iterate, flown_again)
             items[width] = clearance_item(other, problem, found, PLAN.certificate)
         assert items[40.0].value <= PLAN.certificate.gate_length  # which no gate's width changes
@@ -163,9 +163,9 @@ def test_in_a_wind_the_wing_of_a_point_mass_is_that_of_its_path() -> None:
 
 def assert_shown_as_certified(race: Race, result: StageResult) -> None:
     """Hold the least distances that tables show against those of the replay, to the millimetres between samples."""
-    flight = formulate(result.stage, race, PLAN, result.trajectory, result.pylon_conditions)
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
-    measured = approaches(flight, problem, iterate, replay(problem, iterate))
+    stage_problem = formulate(result.stage, race, PLAN, result.trajectory, result.pylon_conditions)
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    measured = approaches(stage_problem, problem, iterate, replay(problem, iterate))
     shown = [one for one in least_distances(flight_of(race, result, Source("flight"))) if one.kind == "pylon"]
     assert {one.name for one in shown} == {one.pylon.name for one in measured}
     for one in shown:

@@ -36,7 +36,7 @@ def view(tmp_path_factory: pytest.TempPathFactory) -> LogView:
     height = 20.0 + 15.0 * np.exp(-((time - 5.0) ** 2))
     rows = (f"{t:.1f},{80.0 * t:.2f},0,{h:.2f}" for t, h in zip(time, height, strict=True))
     (folder / "log.csv").write_text("\n".join(["time [s],north [m],east [m],height [m]", *rows]))
-    return airrace.import_log(folder / "log.csv", folder / "straight.yaml", noise=0.05)
+    return airrace.import_log(folder / "log.csv", folder / "straight.yaml", noise=0.05, accuracy=0.05)
 
 
 def later(stored: LogCheckpoint) -> LogCheckpoint:

@@ -34,6 +34,12 @@ def windy() -> Run:
     return airrace.optimize("half_cuban_eight", until="point-mass", search="off", set=wind)
 
 
+@functools.cache
+def shipped(course: str) -> Run:
+    """A shipped course flown by all stages."""
+    return airrace.optimize(course)
+
+
 def rovinj(wind: StaticWind | None = None) -> Race:
     """The course of Rovinj 2014, in still air or in a wind."""
     race = load_inputs("rovinj_2014").race

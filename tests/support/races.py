@@ -199,8 +199,8 @@ class Motion:
 def motion(name: str, stage: Stage) -> Motion:
     """One stage of a race flown again, and differentiated with respect to time."""
     race, result = RACES[name], optimum_of(name, stage)
-    flight = prepared(race, stage)
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    stage_problem = prepared(race, stage)
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     steps = interval_durations(problem, iterate.durations)[:, None]
     rows = replay(problem, iterate).state
     x = {one.name: rows[index] for index, one in enumerate(problem.system.states)}

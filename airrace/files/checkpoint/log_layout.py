@@ -25,10 +25,11 @@ from airrace.optimal_control.trajectory import Array
 
 @dataclass(frozen=True)
 class StoredPassing:
-    """A passing, with its time, s after the start; NaN where it was not made."""
+    """A passing, with its time, s after the start, and the standard deviation of that, s; NaN where it was not made."""
 
     passing: str
     time: float
+    deviation: float
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,13 @@ class StoredReceiver:
         noise: standard deviation that was given, m; NaN where it is estimated.
         accuracy: standard deviation of all that positions are off by together, m, as stated; NaN where it was not.
         barometric: whether heights are those of a barometer.
+        assumption: the accuracy that judgements assume, in words.
     """
 
     noise: float
     accuracy: float
     barometric: bool
+    assumption: str
 
 
 @dataclass(frozen=True, eq=False)

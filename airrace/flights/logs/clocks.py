@@ -12,7 +12,7 @@ from datetime import UTC, datetime, tzinfo
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.flights.logs.recording import count_of, refuse
+from airrace.flights.logs.recording import count_of, refuse, resolution
 from airrace.optimal_control.quantities import plain_number
 from airrace.optimal_control.trajectory import Array
 
@@ -45,6 +45,20 @@ STEP_BACK_SAMPLES = 2000
 """The number of samples around a step back in which its end is looked for."""
 STEPS_BACK_WORK = 2_000_000
 """The number of samples that are looked at for all steps back of a log."""
+
+JUMP_MIN, JUMP_STEPS = 1.0, 5.0
+"""The least step of a clock that jumps, s, and in terms of the usual one."""
+JUMP_SHARE = 0.3
+"""The share by which the way across a jump may differ from that of a usual step."""
+JUMP_NEIGHBOURS = 4
+"""The number of steps before and after it whose velocity counts."""
+CUT_MIN = 0.05
+"""The least step of times that are cut off, s."""
+UNEVEN_SHARE = 0.2
+"""The share of steps that are not the usual one from which on samples are not taken on the clock's own steps."""
+CUT_SCATTER = 0.1
+"""The relative change of speed from sample to sample from which on times are cut off: 1 g along the path changes 90 m/s
+by 11 % within a second."""
 
 
 def guess_notation(text: str) -> str:
@@ -280,6 +294,63 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
             f"{lines[end - 1]}"
         )
     return keep, tuple(remarks)
+
+
+def repair_jumps(time: Array, places: Array, lines: NDArray[np.int64]) -> tuple[Array, tuple[str, ...]]:
+    """Return times without the jumps of a clock that goes on otherwise, and remarks.
+
+    Where a step in time is long, but the aircraft moves on as it does in a usual step, with the speed and in the
+    direction of its neighbours, the clock has jumped: nothing that flies waits there. A gap after which it is elsewhere
+    stays.
+
+    Args:
+        time: s, rising, shape (n,).
+        places: north and east, m, shape (2, n); NaN where they are not known.
+        lines: of the samples, shape (n,).
+    """
+    finite = np.flatnonzero(np.isfinite(places).all(axis=0))
+    if len(finite) < 2 * JUMP_NEIGHBOURS:
+        return time, ()
+    steps, ways = np.diff(time[finite]), np.diff(places[:, finite])
+    usual, repaired, remarks = float(np.median(steps)), time, list[str]()
+    for row in np.flatnonzero(steps > max(JUMP_MIN, JUMP_STEPS * usual)).tolist():
+        around = [*range(row - JUMP_NEIGHBOURS, row), *range(row + 1, row + 1 + JUMP_NEIGHBOURS)]
+        around = [step for step in around if 0 <= step < len(steps) and 0.0 < steps[step] < JUMP_STEPS * usual]
+        if len(around) < JUMP_NEIGHBOURS:
+            continue
+        velocity = np.median(ways[:, around] / steps[around], axis=1)
+        speed = float(np.hypot(*velocity))
+        took = float(np.hypot(*ways[:, row])) / max(speed, RACE_SPEEDS[0])
+        aside = float(np.hypot(*(ways[:, row] - velocity * took)))
+        if speed < RACE_SPEEDS[0] or abs(took - usual) > JUMP_SHARE * usual or aside > JUMP_SHARE * speed * took:
+            continue
+        jump = float(steps[row]) - usual
+        repaired = np.where(time >= time[finite[row + 1]], repaired - jump, repaired)
+        moved = float(np.hypot(*ways[:, row]))
+        remarks.append(
+            f"the clock jumps by {jump:.3f} s in line {lines[finite[row + 1]]} while the aircraft moves {moved:.0f} m: "
+            f"times behind it are taken {jump:.3f} s earlier"
+        )
+    return repaired, tuple(remarks)
+
+
+def clock_deviation(time: Array, places: Array) -> float:
+    """Return the standard deviation of times that are cut off, s; 0 where they fit the way of the aircraft.
+
+    Recorders that cut times to whole seconds but do not measure on them show it: steps are uneven, and the speed from
+    sample to sample scatters as no aircraft does.
+
+    Args:
+        time: s, rising, shape (n,).
+        places: north and east, m, shape (2, n).
+    """
+    step, steps = resolution(time), np.diff(time)
+    uneven = np.mean(np.abs(steps - np.median(steps)) > 0.5 * step) if len(steps) else 0.0
+    if step < CUT_MIN or uneven < UNEVEN_SHARE:
+        return 0.0
+    speeds = np.hypot(*np.diff(places)) / steps
+    scatter = float(np.median(np.abs(np.diff(speeds)))) / max(float(np.median(speeds)), RACE_SPEEDS[0])
+    return step / math.sqrt(12.0) if scatter > CUT_SCATTER else 0.0
 
 
 def spread_repeated(time: Array) -> tuple[Array, tuple[str, ...]]:

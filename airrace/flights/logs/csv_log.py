@@ -32,7 +32,7 @@ from airrace.flights.logs.clocks import (
 )
 from airrace.flights.logs.dialects import Dialect, dialect_of, plain_header
 from airrace.flights.logs.quality import CODES, fix_type
-from airrace.flights.logs.recording import EARTH_RADIUS, IDLE_MAX, Recording, SampleTable, enumerate_words, refuse
+from airrace.flights.logs.recording import IDLE_MAX, Recording, SampleTable, enumerate_words, ground, refuse
 from airrace.model.environment import g0
 from airrace.optimal_control.quantities import DEGREE, FOOT, KNOT
 from airrace.optimal_control.trajectory import Array
@@ -358,7 +358,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     remarks = [*samples.remarks]
     if notation == "number":
         tick, tick_remarks = find_tick(
-            path, time, _ground(histories), _NUMBERS.get(timed.unit, ""), split_unit(timed.header)[0]
+            path, time, ground(histories), _NUMBERS.get(timed.unit, ""), split_unit(timed.header)[0]
         )
         time = time * tick
         remarks += tick_remarks
@@ -397,14 +397,6 @@ def _day(text: str, column: CsvColumn, offset: str, zone: tzinfo | None) -> tupl
             f"{split_unit(column.header)[0]} [mdy]'"
         ]
     return begin, []
-
-
-def _ground(histories: Mapping[str, Array]) -> Array:
-    """Return north and east, m, near enough for a speed, shape (2, n)."""
-    if "x" in histories and "y" in histories:
-        return np.stack([histories["x"], histories["y"]])
-    north, east = histories["latitude"], histories["longitude"]
-    return EARTH_RADIUS * np.stack([north, east * np.cos(north)])
 
 
 def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:

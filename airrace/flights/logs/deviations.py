@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from airrace.flights.logs.clocks import clock_deviation
 from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import HOLE, between_samples, samples_of
 from airrace.flights.logs.recording import EARTH_RADIUS, Recording, rounding
@@ -116,6 +117,7 @@ def deviations_of(
     residuals = np.stack([placed.columns[name] for name in ("x", "y", "height")]) - path.at(places)[0]
     residuals[:, path.outliers] = np.nan
     usual = float(np.median(np.diff(places)))
+    clock = clock_deviation(places, np.stack([placed.columns[name] for name in ("x", "y")]))
 
     def bias(time: float) -> tuple[float, float]:
         """Return the mean distance of the positions around a time from the path, over ground and of heights, m."""
@@ -157,7 +159,7 @@ def deviations_of(
         )
         pull = math.hypot(ACCELERATION_FACTOR * float(raw[2].max()), DRIFT_RATE_2 * drift[1])
         direction = math.atan2(speed, max(V_K, 1.0))
-        when = along / max(V_K * math.cos(gamma), 1.0)
+        when = math.hypot(along / max(V_K * math.cos(gamma), 1.0), clock)
         turned = math.hypot(direction, when * abs(n_z) * g0 / max(V_K, 1.0))
         climbing = when * V_K * math.sin(gamma)
         up = math.hypot(
@@ -173,7 +175,7 @@ def deviations_of(
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
-        load_deviation = pull / g0 if load is None else load.deviation(offset + time, when)
+        load_deviation = pull / g0 if load is None else load.deviation(offset + time, 0.0)  # of a peak, whenever it is
         return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, load_deviation, when)
 
     return at

@@ -39,9 +39,9 @@ DRIFT = 1.5
 """The standard deviation of what wanders where the log says nothing of its quality, m; heights by `VERTICAL_RATIO`."""
 DRIFT_TIME = 20.0
 """The time constant of what wanders, s."""
-BREACH_COST = 8.0
-"""What a breach costs, the negative logarithm of its probability (1 in 3000). Two passings of which one has to be a
-breach are four deviations apart, so that neither is certain; a third one decides."""
+BREACH_COST = 6.0
+"""What a breach costs, the negative logarithm of its probability (1 in 400). Where one passing or two others have to be
+breaches, these are 4.9 deviations, so that nothing is certain; a third one decides."""
 GATE_DISPLACEMENT = 10.0
 """The standard deviation of the place of a gate that does not stand where the file has it, m."""
 DISPLACEMENT_GAIN = 1.5 * BREACH_COST
@@ -78,6 +78,11 @@ class Window:
     lower: float
     upper: float
     deviation: float
+
+    @property
+    def excess(self) -> float:
+        """By how many deviations the passing is beyond its limits where there are no errors."""
+        return max(self.lower, -self.upper, 0.0) / max(self.deviation, DEVIATION_MIN)
 
     @property
     def is_height(self) -> bool:
@@ -318,7 +323,7 @@ class CommonErrors:
                     paid = np.where(hard, square, BREACH_COST * (1.0 - share))
                     total = 0.5 * float(force @ error) + float(paid.sum())
                     if total < best.cost:
-                        best = _Fit(total, force, share)
+                        best = _Fit(total, np.asarray(force, np.float64), share)
                     if abs(total - before) < SETTLED:
                         break
                     before = total

@@ -35,8 +35,9 @@ SAMPLING = 0.02
 """The time between two samples of the flight, s, as of an optimum's."""
 COARSE_SAMPLING = 0.2
 """That between the samples among which a run is looked for, s."""
-REGISTERED = 1.0
-"""The offset beyond which the flight is moved before it is judged, m; with less the passings are nearly the same."""
+REGISTERED = 3.0
+"""The offset beyond which the flight is moved before it is judged, m: in the time that it takes to fly so far a turn of
+8 g departs from the straight line by less than 0.05 m, and what is linear in the errors needs no move."""
 REGISTRATIONS = 2
 """The number of times that it is moved, at most."""
 SMOOTHED_MARGIN = 5.0
@@ -63,6 +64,7 @@ class LogFlight:
         offset: the time of the log at which the flight's clock starts, s.
         remarks: for the reader, as sentences.
         noise: standard deviation of the positions that was given, m; None where it was estimated.
+        assumption: the accuracy that judgements assume, in words.
     """
 
     flight: Flight
@@ -72,6 +74,7 @@ class LogFlight:
     offset: float
     remarks: tuple[str, ...]
     noise: float | None
+    assumption: str
 
 
 def flight_from_log(
@@ -121,10 +124,10 @@ def flight_of_part(
         refuse(part.path, 0, "has no heights on the course")
     path = smooth(placed.time, places, noise, least)
     part = plausible(part, path, race)
-    common = CommonErrors(
-        part.time, receiver_accuracy(part), stated=part.accuracy is not None, barometric=part.barometric
-    )
-    for further in range(REGISTRATIONS, -1, -1):
+    accuracy = receiver_accuracy(part)
+    common = CommonErrors(part.time, accuracy, stated=part.accuracy is not None, barometric=part.barometric)
+    registrations = 0
+    while True:
         moved = replace(path, position=path.position - common.registration[:, None])
         run = _find_run(race, part, moved)
         flight = _flight(race, part, moved, run, label)
@@ -133,14 +136,16 @@ def flight_of_part(
         known = partial(deviations_of, part, path, least, flight, run.begin, axes, late=late[0], tilt=late[1])
         own = known(common=common, own=True)
         common = common.with_windows(passing_windows(flight, axes, own, run.begin), common.registration)
-        if not further or np.linalg.norm(common.offset - common.registration) <= REGISTERED:
+        if registrations == REGISTRATIONS or np.linalg.norm(common.offset - common.registration) <= REGISTERED:
             break
+        registrations += 1
         common = common.with_windows((), common.offset)
     errors = FlightErrors(own, known(common=common), common, run.begin)
     accuracies = {crossing.name: errors.at(crossing.time) for crossing in flight.crossings if crossing.found}
-    remarks = (*part.remarks, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
+    losses = [loss] if (loss := accuracy.loss(part.time - run.begin)) else []
+    remarks = (*part.remarks, *losses, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
     broken = violations(flight, axes, errors, penalties)
-    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise)
+    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise, accuracy.text)
 
 
 def _find_run(race: Race, part: Recording, path: Path) -> CourseRun:

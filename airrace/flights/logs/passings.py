@@ -5,15 +5,17 @@ along which it may be passed. Among all such crossings that sequence in the orde
 the elements most closely, in the shortest time, and leaves out fewest.
 """
 
+import itertools
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.flights.logs.clocks import spread_repeated, true_times
-from airrace.flights.logs.recording import Recording, count_of, refuse, repeats
+from airrace.flights.logs.clocks import repair_jumps, spread_repeated, true_times
+from airrace.flights.logs.recording import Recording, count_of, ground, refuse, repeats
 from airrace.model.track.course import Passage, metres
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
@@ -40,6 +42,9 @@ SLANT_COST = 20.0
 follows."""
 FREE_SLANT = 0.5
 """The slant up to which a passing is as good as another, that of 60 degrees."""
+SAME_PASSING, SAME_PLACE, LESS_SLANT = 0.5, 5.0, 0.05
+"""The time (s) and the distance from the centre (m) within which the lines of an element of several axes are crossed in
+one passing, and the slant by which it is along another of them."""
 SKIPPED_COST = 40.0
 """The cost of an element that is not passed at all."""
 UNREACHED_COST = 39.5
@@ -66,6 +71,8 @@ def in_order(recording: Recording) -> Recording:
     """
     forwards, remarks = true_times(recording.path, recording.time, recording.lines)
     recording = recording.select(forwards, *remarks)
+    time, remarks = repair_jumps(recording.time, ground(recording.columns), recording.lines)
+    recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     time, remarks = spread_repeated(recording.time)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
@@ -276,7 +283,23 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
         slant = 1.0 - forwards / np.hypot(forwards, sideways)
         columns = (values[near].tolist() for values in (when, aside, slant))
         crossings += [LineCrossing(t, axis, a, s) for t, a, s in zip(*columns, strict=True)]
-    return sorted(crossings, key=lambda crossing: crossing.time)
+    crossings.sort(key=lambda crossing: crossing.time)
+    return [crossing for crossing in crossings if not _is_along_another(crossing, crossings)]
+
+
+def _is_along_another(crossing: LineCrossing, crossings: Sequence[LineCrossing]) -> bool:
+    """Return whether an element of several axes is passed there along another axis, which the path follows better.
+
+    Args:
+        crossing: of its line across one axis.
+        crossings: of all its lines, in the order of time.
+    """
+    row = bisect_left(crossings, crossing.time - SAME_PASSING, key=lambda other: other.time)
+    for other in itertools.takewhile(lambda other: other.time <= crossing.time + SAME_PASSING, crossings[row:]):
+        near = abs(other.aside) <= abs(crossing.aside) + SAME_PLACE
+        if other.axis != crossing.axis and near and other.slant < crossing.slant - LESS_SLANT:
+            return True
+    return False
 
 
 def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:

@@ -21,6 +21,8 @@ PLAIN_RECEIVER = 2.5
 2020: a range error of 7.8 m (95 %) at worst; phones and loggers are commonly off by 2 to 3 m]."""
 VERTICAL_RATIO = 1.6
 """The ratio of the deviation of heights to that over ground: no satellite is below."""
+LOSS_FACTOR = 2.0
+"""The factor by which positions have to be known worse at times for that to be reported."""
 SATELLITES_MIN = 4
 """The number of satellites that a position in space takes."""
 SATELLITES_COUNT = 64
@@ -117,6 +119,25 @@ class ReceiverAccuracy:
     across: Array
     up: Array
     source: str
+
+    def loss(self, time: Array) -> str:
+        """Return since when, of times of the samples, positions are known much worse, as a sentence; else empty."""
+        least, most = float(np.min(self.across)), float(np.max(self.across))
+        if most < LOSS_FACTOR * least:
+            return ""
+        since = float(time[int(np.argmax(self.across > math.sqrt(least * most)))])
+        return f"{self.source} say {most:.2g} m instead of {least:.2g} m from {since:.1f} s after the start on"
+
+    @property
+    def text(self) -> str:
+        """What judgements assume, in words."""
+        if self.source.startswith("stated"):
+            return f"an accuracy of {self.across[0]:g} m, as stated"
+        least, most = float(np.min(self.across)), float(np.max(self.across))
+        span = f"{least:.2g} m" if most < 1.1 * least else f"{least:.2g} to {most:.2g} m"
+        if self.source:
+            return f"an accuracy of {span} by {self.source}, and an offset of all that passings tell"
+        return f"an accuracy of {span} and an offset of all that passings tell: nothing is stated (--accuracy does)"
 
 
 def receiver_accuracy(recording: Recording) -> ReceiverAccuracy:

@@ -89,6 +89,14 @@ class Recording:
         return replace(self, time=self.time[rows], columns=columns, lines=self.lines[rows], remarks=remarks)
 
 
+def ground(columns: Mapping[str, Array]) -> Array:
+    """Return north and east, m, near enough for a speed, shape (2, n)."""
+    if "x" in columns and "y" in columns:
+        return np.stack([columns["x"], columns["y"]])
+    north, east = columns["latitude"], columns["longitude"]
+    return EARTH_RADIUS * np.stack([north, east * np.cos(north)])
+
+
 def refuse(path: str, line: int, message: str, key: str = "") -> Never:
     """Refuse a log.
 

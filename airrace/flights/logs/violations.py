@@ -195,8 +195,8 @@ def violations(
         else:
             element: Element = crossing.passage.element
             rule, penalty = ("missed", penalties.missed) if element.stands else _manoeuvre(element, penalties)
-            unknown = (math.nan,) * 4
-            broken_rules.append(Violation(crossing.name, rule, *unknown, "", math.nan if penalty is None else penalty))
+            price = math.nan if penalty is None else penalty
+            broken_rules.append(Violation(crossing.name, rule, math.nan, math.nan, math.nan, math.nan, "", price))
     broken_rules += [*_load_factors(flight, penalties, errors), *_distances(flight, errors)]
     return tuple(sorted(broken_rules, key=lambda violation: not violation.certain))
 
@@ -249,7 +249,10 @@ def passing_windows(flight: Flight, axes: Mapping[str, float], own: DeviationsAt
             measured = _MeasuredPassing(flight, crossing, axes.get(crossing.name, 0.0))
             deviations = own(crossing.time)
             windows.append(measured.height_window(offset, deviations.up))
-            windows.append(measured.window(measured.tips or measured.centre, offset, deviations.tip))
+            beside = [measured.window(measured.centre, offset, deviations.across)]
+            if measured.tips:
+                beside.insert(0, measured.window(measured.tips, offset, deviations.tip))
+            windows.append(max(beside, key=lambda window: window.excess))  # a bank of the path is known badly
     return windows
 
 
@@ -293,8 +296,7 @@ class _MeasuredPassing:
         along = math.cos(axis), math.sin(axis)
         self._up = -climb * along[0], -climb * along[1], 1.0
         self._right = -math.sin(axis) - slant * along[0], math.cos(axis) - slant * along[1], 0.0
-        if "beside_right" in self.bounds:
-            self._right = -math.sin(chi), math.cos(chi), 0.0
+        self._beside = (-math.sin(chi), math.cos(chi), 0.0) if "beside_right" in self.bounds else self._right
 
     def height_window(self, offset: float, deviation: float) -> Window:
         """Return the errors of the height with which it is legal."""
@@ -307,7 +309,8 @@ class _MeasuredPassing:
         upper = min(value - limits.lower for value, limits in allowed)
         if lower > upper:  # the wing is wider than the gate; a bank of the path is known badly
             lower = upper = 0.5 * (lower + upper)
-        return self._window(self._right, lower, upper, offset, deviation)
+        direction = self._right if allowed is self.centre else self._beside
+        return self._window(direction, lower, upper, offset, deviation)
 
     def _window(
         self, direction: tuple[float, float, float], lower: float, upper: float, offset: float, deviation: float

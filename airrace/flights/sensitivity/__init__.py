@@ -1,4 +1,5 @@
-"""Sensitivities of the race time: what every number of the inputs costs, its shadow price, unit and usual step."""
+"""Sensitivities of the race time: what every number of the inputs costs, its shadow price, unit and usual step, and
+what it costs to be late."""
 
 import math
 from dataclasses import dataclass
@@ -80,3 +81,18 @@ class Sensitivity:
             "activity": self.activity.value,
             "note": self.note,
         }
+
+
+@dataclass(frozen=True)
+class LatenessPrice:
+    """What an act costs that is not done in time.
+
+    Attributes:
+        delay: by which it is late or early, s.
+        late, early: the time lost, s; None where no flight was found from there on that meets all gates and limits,
+            and of `early` where the act begins with the race.
+    """
+
+    delay: float
+    late: float | None
+    early: float | None

@@ -25,10 +25,11 @@ from airrace.pages.report.contents import as_json, clock_start, contents_of
 from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
 from airrace.pages.report.sections import capitalise, note, number, section, table_section
 from airrace.pages.views.comparison_tables import lost_table
+from airrace.pages.views.cue_tables import NOTE, cue_table
 from airrace.pages.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.pages.views.plain_text import escape_html, plain
 from airrace.pages.views.plan_svg import plan_svg
-from airrace.pages.views.stage_tables import NOTE, cue_table, distance_table
+from airrace.pages.views.stage_tables import distance_table
 from airrace.pages.views.tables import Cell, Column, Table
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from airrace.flights.sensitivity import Sensitivity
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.sensitivity_tables import sensitivities_table
-from airrace.pages.views.log_tables import penalty_text, violations_table
+from airrace.pages.views.log_tables import penalties_text, violations_table
 from airrace.pages.views.plain_text import escape_html
 from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
 from airrace.pages.views.tables import Column, Table
@@ -114,13 +114,14 @@ def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions:
     return section("Inputs", _facts(pairs) + "".join(texts))
 
 
-def violations_section(violations: Sequence[Violation], penalty: float) -> str:
-    """Return a table of all rules that a flight would break."""
+def violations_section(violations: Sequence[Violation], assumption: str) -> str:
+    """Return a table of all rules that a flight would break, and the accuracy that is assumed, in words."""
     if not violations:
         return section("Rules", note("Every passing keeps the rules of the course."))
     notes = (
-        f"Penalties of what is certain: {penalty_text(penalty)}.",
+        f"Penalties of what is certain: {penalties_text(violations)}.",
         f"A violation smaller than {CERTAIN_DEVIATIONS:g} standard deviations of its measurement (+-) is not certain.",
+        f"The deviations are by {assumption}.",
     )
     listed, rest = select_violations(violations)
     return table_section(violations_table(listed, "Rules", (*notes, *[f"{rest}."] * bool(rest))))

@@ -91,6 +91,27 @@ def save_figure(figure: Figure, path: Path) -> None:
     replace_file(path, content.getvalue())
 
 
+def save_sheets(sheets: Sequence[Figure], path: Path) -> None:
+    """Write drawings as the pages of a PDF, or the only one in the format that the name says, replacing the file.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    if path.suffix.lower() != ".pdf":
+        (only,) = sheets
+        save_figure(only, path)
+        return
+    from matplotlib.backends import backend_pdf
+
+    library: Any = backend_pdf  # Any: its stubs leave keyword arguments untyped
+    content = io.BytesIO()
+    with library.PdfPages(content) as pages, _boxes_for_unknown_signs():
+        for sheet in sheets:
+            _without_controls(sheet)
+            pages.savefig(sheet)
+    replace_file(path, content.getvalue())
+
+
 def _without_controls(figure: Figure) -> None:
     """Show control characters in the texts of a drawing as what they are: XML, which SVG is, cannot hold them."""
     from matplotlib.text import Text

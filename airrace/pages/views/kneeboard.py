@@ -1,207 +1,296 @@
-"""The kneeboard: one page for the pilot's hand with map, table of the gates, and cues.
+"""The kneeboard: pages for the pilot's knee, lap by lap, with a map, what to fly at every gate, and the cues between.
 
-The map is turned so that the flight fills its place; arrows tell north and the wind. What the table and the cues
-leave of the page is the map's.
+A page is A5, upright; two of them share a sheet of A4 that is folded. Nothing is smaller than nine points, and nothing
+is told by a colour alone. The map of a lap is turned so that the lap fills its place; arrows tell north and the wind.
 """
 
-import itertools
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from airrace.flights.results import Flight
-from airrace.flights.results.cues import Cue, cues_of
-from airrace.flights.results.flight_facts import leg_facts
+from airrace.errors import UsageError
+from airrace.flights.results import Flight, TimedCrossing
+from airrace.flights.results.cues import VERTICAL, Cue, cues_of
+from airrace.flights.results.flight import Lap, laps_of
+from airrace.flights.sensitivity import LatenessPrice
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.course_figure import draw_map
-from airrace.pages.views.drawing import BLACK, BLUE, GREY, Axes, Box, Figure, new_figure, place_labels, without_formulas
-from airrace.pages.views.flight_figures import draw_coloured, race_time_text
-from airrace.pages.views.map_model import MapModel, map_model, round_length
-from airrace.pages.views.stage_tables import cue_text, place_text
-from airrace.pages.views.tables import RACE, Column, Table, Units
+from airrace.pages.views.cue_tables import bank_text, course_text, gate_text, knee_texts, price_texts
+from airrace.pages.views.drawing import (
+    BLACK,
+    GREY,
+    Axes,
+    Box,
+    Figure,
+    new_figure,
+    place_labels,
+    save_sheets,
+    without_formulas,
+)
+from airrace.pages.views.flight_figures import race_time_text
+from airrace.pages.views.map_model import map_model, round_length
+from airrace.pages.views.tables import RACE, Units
 
 PAGE_WIDTH, PAGE_HEIGHT = 5.83, 8.27  # inches: A5
 POINTS = 72.0  # per inch
-
-
+PAPERS = {"a5": 1, "a4": 2}
+"""The papers by name, with the number of pages side by side on a sheet."""
 MARGIN = 14.0
-"""Around everything."""
-HEAD = 36.0
-"""Heights of what stands above and below, without the lines that say what the flight is."""
-FOOT = 11.0
-"""Heights of what stands above and below, without the lines that say what the flight is."""
-SMALL = 5.5
-"""The size of the letters below, and of their lines."""
-SMALL_PITCH = 7.0
-"""The size of the letters below, and of their lines."""
-ROW = 10.0
-"""The height of a row of the table, at most."""
-ROWS_MAX = 44
-"""Of the table; of longer courses the middle is left out."""
-TABLE_SHARE = 0.5
-"""Of the page's height that the table may take."""
-CUE_SIZES = (7.0, 6.5, 6.0, 5.5, 5.0)
-"""Of the letters of the cues, the largest that fits is taken; a pilot reads 6 points on the knee."""
-CUE_PITCH = 1.25
-"""Of their lines, as a multiple of the size."""
-LETTER_WIDTH = 0.53
-"""On average, as a multiple of the size, measured on cues in the figure's font."""
-MAP_SHARE = 0.28
-"""Of the page's height for the map."""
+"""Around everything, points."""
+SIZE = 9.0
+"""Of all letters, points: a pilot reads no less on the knee in a turn."""
+TITLE_SIZE = 12.0
+"""Of the name of the course, points."""
+PITCH = 12.0
+"""Of lines, points."""
+TITLE_PITCH = 20.0
+"""The height of the first line of a page, points."""
+LETTER_WIDTH = 0.52
+"""On average, as a multiple of the size, measured on sentences in the figure's font."""
+MAP_SHARE = 0.42
+"""Of the page's height for the map of a lap."""
 TURN_STEP = 3
 """Step between the angles to which the map is turned, deg."""
 TURNING_GAIN = 1.08
 """Gain of scale for which the map is turned away from north at all: north up is easier to read."""
-PAD = 0.05
-"""Around the flight, as a share of the map's place."""
+PAD = 0.09
+"""Around the lap, as a share of the map's place: room for numbers."""
+KEY = (96.0, 44.0)
+"""Width and height of the key, points: north, wind and grid."""
+COLUMNS = (
+    ("#", 18.0, "right"),
+    ("s", 54.0, "right"),
+    ("where", 60.0, "left"),
+    ("bank", 140.0, "left"),
+    ("pull, g (mean)", 234.0, "left"),
+    ("hgt", 340.0, "right"),
+    ("out", 365.0, "right"),
+    ("late", 392.0, "right"),
+)
+"""The columns of cues: heads, places from the left margin, points, and the side that is set there."""
 
 
-def table_columns(units: Units) -> tuple[tuple[float, Column], ...]:
-    """Return the table's columns and where they end, as shares of its width; of the second, which is set to the left,
-    where it begins."""
-    return (
-        (0.03, Column("", form="d")),
-        (0.055, Column("gate")),
-        (0.255, Column("time s", form=".2f")),
-        (0.355, Column(f"IAS {units.speed}", form=".0f")),
-        (0.45, Column("track°", form="03.0f")),
-        (0.54, Column(f"hgt {units.length}", form=".0f")),
-        (0.63, Column("bank°", form="z.0f")),
-        (0.73, Column("climb°", form="z.0f")),
-        (0.80, Column("g at", form=".1f")),
-        (0.89, Column("g most", form=".1f")),
-        (1.0, Column("roll °/s", form=".0f")),
-    )
+@dataclass(frozen=True)
+class _Row:
+    """A line of the tables of a page.
+
+    Attributes:
+        texts: by column; a single one is a line of its own.
+        is_gate: whether it tells of a passing rather than of a cue.
+    """
+
+    texts: tuple[str, ...]
+    is_gate: bool = False
+
+
+@dataclass(frozen=True)
+class _Page:
+    """What stands on a page: lines at its head, the map of a lap or None, and rows."""
+
+    lap: Lap
+    head: tuple[str, ...]
+    has_map: bool
+    rows: tuple[_Row, ...]
 
 
 @without_formulas
-def kneeboard_figure(flight: Flight, units: Units = RACE) -> Figure:
-    """Return a page, A5, upright, with the map, what to fly at every gate, and the cues on the way to it.
+def kneeboard_figures(
+    flight: Flight,
+    units: Units = RACE,
+    *,
+    per_sheet: int | None = 1,
+    prices: Sequence[LatenessPrice] = (),
+) -> list[Figure]:
+    """Return the sheets of a kneeboard. Every lap begins a page.
 
-    Gates are numbered in the order of their passing; the map's labels are these numbers.
+    Gates have the names of the course, cues the numbers of `airrace brief`.
 
     Args:
         flight: the flight.
         units: of speeds, heights and distances.
+        per_sheet: the number of pages side by side on a sheet, as of `PAPERS`; None for one sheet with all pages.
+        prices: of lateness, one per cue; none where they were not asked for.
     """
-    width, height = POINTS * PAGE_WIDTH, POINTS * PAGE_HEIGHT
-    limit, inner = flight.limit("n_z"), width - 2.0 * MARGIN
-    footnote = "bank + right wing down; track over ground, from true north; heights above the track's origin"
-    footnote += f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
-    stamp = textwrap.wrap(flight.stamp.text, int(inner / (LETTER_WIDTH * SMALL)))
-    foot = FOOT + SMALL_PITCH * len(stamp)
-    figure = new_figure(PAGE_WIDTH, PAGE_HEIGHT, layout=None)
-
-    def text(across: float, up: float, words: str, size: float, **style: object) -> None:
-        figure.text(across / width, up / height, words, fontsize=size, va="center", **style)
-
-    def place(bottom: float, top: float) -> Axes:
-        axes = figure.add_axes((MARGIN / width, bottom / height, inner / width, (top - bottom) / height))
-        axes.set(xlim=(0.0, inner), ylim=(0.0, top - bottom))
-        return axes
-
-    text(MARGIN, height - 15.0, flight.course.name[:60], 12.0, fontweight="bold")
-    text(MARGIN, height - 28.0, _subtitle(flight, units), 7.5, color=GREY)
-    for row, line in enumerate([footnote, *stamp]):
-        text(MARGIN, foot - 4.0 - SMALL_PITCH * row, line, SMALL, color=BLACK if row else GREY)
-    rows = min(len(flight.crossings), ROWS_MAX) + 1
-    table_height = min(ROW * rows, TABLE_SHARE * height)
-    room = height - HEAD - foot - table_height - MAP_SHARE * height
-    columns, size = _fit(cues_of(flight), units, inner, room)
-    pitch = CUE_PITCH * size
-    cues_height = pitch * max((len(lines) for lines in columns), default=0)
-    for number, lines in enumerate(columns):
-        for row, (words, weight) in enumerate(lines):
-            across = MARGIN + number * 0.5 * (inner + 6.0)
-            text(across, foot + cues_height - (row + 0.5) * pitch, words, size, fontweight=weight)
-    table_bottom = foot + cues_height + (4.0 if cues_height else 0.0)
-    table = place(table_bottom, table_bottom + table_height)
-    table.axis("off")
-    _draw_table(table, flight, units, inner, table_height)
-    plan = place(table_bottom + table_height + 6.0, height - HEAD)
-    _draw_plan(figure, plan, flight, units)
-    return figure
+    cues, pages = cues_of(flight), list[_Page]()
+    head = _facts(flight, units, prices)
+    for lap in laps_of(flight):
+        pages += _pages_of_lap(flight, lap, cues, units, prices, () if pages else head)
+    per_sheet = per_sheet or len(pages)
+    sheets: list[Figure] = []
+    for first in range(0, len(pages), per_sheet):
+        sheet = new_figure(PAGE_WIDTH * per_sheet, PAGE_HEIGHT, layout=None)
+        parts = np.atleast_1d(sheet.subfigures(1, per_sheet, wspace=0.0))
+        for number, (part, page) in enumerate(zip(parts, pages[first : first + per_sheet], strict=False), first + 1):
+            _draw_page(part, page, flight, cues, units, f"{number}/{len(pages)}")
+        sheets.append(sheet)
+    return sheets
 
 
-def _subtitle(flight: Flight, units: Units) -> str:
-    wind = flight.air.wind
-    air = "still air"
+def save_kneeboard(
+    flight: Flight, path: Path, units: Units = RACE, *, paper: str = "a5", prices: Sequence[LatenessPrice] = ()
+) -> None:
+    """Write a kneeboard: as PDF on a paper of `PAPERS`, as a picture with all pages beside one another.
+
+    Raises:
+        UsageError: there is no such paper.
+        StorageError: the system refused.
+    """
+    if paper not in PAPERS:
+        raise UsageError(f"there is no paper {paper}; there are {' and '.join(PAPERS)}")
+    per_sheet = PAPERS[paper] if path.suffix.lower() == ".pdf" else None
+    save_sheets(kneeboard_figures(flight, units, per_sheet=per_sheet, prices=prices), path)
+
+
+def _facts(flight: Flight, units: Units, prices: Sequence[LatenessPrice]) -> tuple[str, ...]:
+    """Return what the flight is, the wind, and the limits, in lines."""
+    wind, limit, rules = flight.air.wind, flight.limit("n_z"), flight.course.rules
+    words = [f"{race_time_text(flight)}, {flight.label}"]
     if wind is not None and wind.speed != 0.0:
-        air = f"wind {math.degrees(wind.origin) % 360:.0f}° {wind.speed * units.per_m_s:.0f} {units.speed}"
-    return f"{flight.aircraft.name}, {race_time_text(flight)}, {air}; {flight.label}"[:100]
+        origin = math.degrees(wind.origin) % 360.0
+        words.append(f"wind from {origin:03.0f} with {wind.speed * units.per_m_s:.0f} {units.speed}")
+    limits = [f"{limit.lower:g} g"] if math.isfinite(limit.lower) else []
+    limits += [f"{limit.upper:g} g"] if math.isfinite(limit.upper) else []
+    words += [f"limits {' to '.join(limits)}"] if limits else []
+    for name, height in (("floor", rules.height.lower), ("ceiling", rules.height.upper)):
+        if math.isfinite(height):
+            words.append(f"{name} {height * units.per_m:.0f} {units.length}")
+    legend = "hgt above the origin at the begin of a cue, out: track at its end, from true north"
+    if prices:
+        legend += f"; late: seconds lost by a cue {prices[0].delay:g} s late, MISS: no flight was found from there"
+    return tuple(_wrap(f"{'; '.join(words)}; {flight.stamp.text}") + _wrap(legend))
 
 
-def _fit(
-    cues: Sequence[Cue], units: Units, inner: float, room: float
-) -> tuple[tuple[list[tuple[str, str]], list[tuple[str, str]]], float]:
-    """Return the lines of the cues in two columns, each with its weight, and the size of their letters.
+def _wrap(text: str) -> list[str]:
+    return textwrap.wrap(text, int((POINTS * PAGE_WIDTH - 2.0 * MARGIN) / (LETTER_WIDTH * SIZE)))
 
-    The largest that fits is taken; where none does, what does not fit is left out, and the last line says so.
 
-    Args:
-        cues: of the flight.
-        units: of distances.
-        inner: width of both columns, points.
-        room: their height, points.
+def _pages_of_lap(
+    flight: Flight, lap: Lap, cues: Sequence[Cue], units: Units, prices: Sequence[LatenessPrice], head: tuple[str, ...]
+) -> list[_Page]:
+    """Return the pages of a lap: as many as its rows need, the map on the first.
+
+    A passing and its first cue, a cue and its apex stay on one page.
     """
-    lines: list[tuple[str, str]] = []
-    for size in CUE_SIZES:
-        letters = int(0.5 * (inner - 6.0) / (LETTER_WIDTH * size))
-        lines = list(itertools.chain.from_iterable(_lines(cue, units, letters) for cue in cues))
-        rows = int(room / (CUE_PITCH * size))
-        if len(lines) <= 2 * rows:
-            begins = [row for row, (_, weight) in enumerate(lines) if weight == "bold"]  # a cue stays in one column
-            breaks = [row for row in (*begins, len(lines)) if max(row, len(lines) - row) <= rows]
-            if breaks:
-                half = min(breaks, key=lambda row: abs(2 * row - len(lines)))
-                return (lines[:half], lines[half:]), size
-    rows = int(room / (CUE_PITCH * CUE_SIZES[-1]))
-    return (lines[:rows], [*lines[rows : 2 * rows - 1], ("... and more: airrace brief", "bold")]), CUE_SIZES[-1]
+    rows: list[_Row] = []
+    for leg in lap.legs:
+        rows.append(_Row((_gate_words(leg.before, units),), is_gate=True))
+        for cue in cues:
+            if cue.leg.number == leg.number:
+                price = price_texts(cue, prices[cue.number - 1])[0] if prices else ""
+                rows.append(_Row((*knee_texts(cue, units), price)))
+                if cue.apex is not None:
+                    top = "over the top, " if cue.apex.over_the_top else ""
+                    height = f"{cue.apex.height * units.per_m:.0f} {units.length}"
+                    rows.append(_Row(("", "", f"{top}apex {height} at {cue.apex.time:.2f} s")))
+    rows.append(_Row((_gate_words(lap.legs[-1].after, units),), is_gate=True))
+    has_map = flight.has("x", "y")
+    pages: list[_Page] = []
+    while rows:
+        room = POINTS * PAGE_HEIGHT - 2.0 * MARGIN - TITLE_PITCH - PITCH * (len(head) + 1)
+        count = int((room - (MAP_SHARE * POINTS * PAGE_HEIGHT if has_map else 0.0)) / PITCH)
+        while count < len(rows) and (rows[count - 1].is_gate or not rows[count].texts[0]):
+            count -= 1
+        pages.append(_Page(lap, head, has_map, tuple(rows[:count])))
+        rows, head, has_map = rows[count:], (), False
+    return pages
 
 
-def _lines(cue: Cue, units: Units, letters: int) -> list[tuple[str, str]]:
-    """Return the lines of one cue: when and where, then what is done."""
-    where = ", ".join(filter(None, (f"{cue.time:.2f} s", place_text(cue, units))))
-    done = [
-        line
-        for action in cue_text(cue, units).replace(" -> ", "→").split("; ")
-        for line in textwrap.wrap(action, letters - 2, initial_indent="  ", subsequent_indent="    ")
-    ]
-    return [(where[:letters], "bold"), *((line, "normal") for line in done)]
+def _gate_words(crossing: TimedCrossing, units: Units) -> str:
+    """Return what to fly at a passing, e.g. `g4  12.27 s  195 kt  15 m  track 287  L10  climb 0  2.6 g`."""
+    name = gate_text(crossing.name)[:16]
+    if not crossing.found:
+        return f"{name}  - missed"
+    words = [name, f"{crossing.time:.2f} s"]
+    speed, height, n_z = (crossing.value(quantity) for quantity in ("V_I", "height", "n_z"))
+    course, bank, climb = (crossing.value(quantity) for quantity in ("chi", "mu", "gamma"))
+    if math.isfinite(speed):
+        words.append(f"IAS {speed * units.per_m_s:.0f} {units.speed}")
+    if math.isfinite(height):
+        words.append(f"{height * units.per_m:.0f} {units.length}")
+    if not abs(climb) > VERTICAL:  # where neither has a meaning
+        words += [f"track {course_text(course)}"] if math.isfinite(course) else []
+        words += [bank_text(bank)] if math.isfinite(bank) else []
+    words += [f"climb {math.degrees(climb):z.0f}"] if math.isfinite(climb) else []
+    words += [f"{n_z:z.1f} g"] if math.isfinite(n_z) else []
+    return "  ".join(words)
 
 
-def _draw_plan(figure: Figure, axes: Axes, flight: Flight, units: Units) -> None:
-    """Draw the map with the flight in the colours of the load factor, turned to fill its place."""
+def _draw_page(figure: Figure, page: _Page, flight: Flight, cues: Sequence[Cue], units: Units, number: str) -> None:
+    """Draw a page from its top to its bottom."""
+    width, height = POINTS * PAGE_WIDTH, POINTS * PAGE_HEIGHT
+    inner, top = width - 2.0 * MARGIN, height - MARGIN
+
+    def text(across: float, up: float, words: str, size: float = SIZE, **style: Any) -> None:
+        figure.text((MARGIN + across) / width, up / height, words, fontsize=size, va="center", **style)
+
+    lap = f"LAP {page.lap.number}" if len(laps_of(flight)) > 1 else ""
+    top -= 0.5 * TITLE_PITCH
+    text(0.0, top, flight.course.name[:36], TITLE_SIZE, fontweight="bold")
+    bar = {"facecolor": BLACK, "edgecolor": "none", "pad": 2.0}
+    if lap:
+        text(inner - 40.0, top, lap, TITLE_SIZE, fontweight="bold", color="white", ha="right", bbox=bar)
+    text(inner, top, number, ha="right")
+    top -= 0.5 * TITLE_PITCH
+    for line in page.head:
+        top -= PITCH
+        text(0.0, top + 0.5 * PITCH, line)
+    if page.has_map:
+        bottom = top - MAP_SHARE * height
+        plan = figure.add_axes((MARGIN / width, (bottom + 4.0) / height, inner / width, (top - bottom - 8.0) / height))
+        _draw_plan(figure, plan, flight, page.lap, cues, units)
+        top = bottom
+    heads = [name if name != "hgt" else f"hgt {units.length}" for name, _, _ in COLUMNS]
+    has_prices = any(len(row.texts) == len(COLUMNS) and row.texts[-1] for row in page.rows)
+    rows = [_Row(tuple(heads if has_prices else heads[:-1])), *page.rows]
+    for row in rows:
+        top -= PITCH
+        middle = top + 0.5 * PITCH
+        if row.is_gate:
+            band = {"facecolor": "#dddddd", "edgecolor": "none"}
+            figure.add_artist(_rectangle(figure, (MARGIN / width, top / height), (inner / width, PITCH / height), band))
+            text(2.0, middle, row.texts[0], fontweight="bold")
+            continue
+        for (name, across, side), words in zip(COLUMNS, row.texts, strict=False):
+            weight = "bold" if name == "#" else "normal"
+            text(across, middle, words, ha=side, fontweight=weight, color=GREY if row is rows[0] else BLACK)
+
+
+def _rectangle(figure: Figure, corner: tuple[float, float], size: tuple[float, float], style: dict[str, Any]) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle(corner, *size, transform=figure.transSubfigure, zorder=-1, **style)
+
+
+def _draw_plan(figure: Figure, axes: Axes, flight: Flight, lap: Lap, cues: Sequence[Cue], units: Units) -> None:
+    """Draw the map of a lap with its line, its gates, and the numbers of its cues."""
     from matplotlib.transforms import Affine2D
 
-    map_ = map_model(flight.race).with_track(np.stack([flight["x"], flight["y"]], axis=1))
+    map_ = map_model(flight.race)
+    begin, end = lap.legs[0].before.time, lap.legs[-1].after.time
+    inside = (flight.time >= begin) & (flight.time <= end) if math.isfinite(begin + end) else flight.time >= -math.inf
+    track = np.stack([flight["y"], flight["x"]], axis=1)[inside]
+    track = track[np.isfinite(track).all(axis=1)]
     edge = axes.get_window_extent()
     shape = edge.width / edge.height
-    points = _points(map_, flight)
+    points = np.concatenate([track, np.array([(mark.east, mark.north) for mark in map_.marks]).reshape(-1, 2)])
     turn = fitting_turn(points, shape)
     frame = _turned_frame(points, turn, shape)
     axes.transData = Affine2D().rotate(turn) + axes.transData  # what is drawn from now on is turned
     draw_map(axes, map_, _frame_around(frame, turn))
-    line = draw_coloured(axes, flight["y"], flight["x"], flight, width=2.2)
+    axes.plot(*track.T, color=BLACK, linewidth=1.5, zorder=5)
     axes.grid(visible=False)
     axes.set(xticks=[], yticks=[], aspect="auto")
     axes.set(xlim=(frame.left, frame.left + frame.width), ylim=(frame.bottom, frame.bottom + frame.height))
     step = _draw_grid(axes, frame, turn, units)
     for spine in axes.spines.values():
         spine.set(color="#c8c8c8", linewidth=0.6)
-    boxes = _draw_keys(figure, axes, flight, line, turn, f"grid {step}")
-    _number_gates(axes, flight, points, boxes)
-
-
-def _points(map_: MapModel, flight: Flight) -> Array:
-    """Return what has to be seen, east and north, m, shape (n, 2)."""
-    marks = [(mark.east, mark.north) for mark in map_.marks]
-    is_finite = np.isfinite(flight["x"]) & np.isfinite(flight["y"])
-    track = np.stack([flight["y"][is_finite], flight["x"][is_finite]], axis=1)
-    return np.concatenate([track, np.array(marks).reshape(-1, 2)])
+    box = _draw_keys(figure, axes, flight, track, turn, f"grid {step}")
+    _draw_labels(axes, flight, lap, cues, track, box)
 
 
 def _rotate(points: Array, turn: float) -> Array:
@@ -260,107 +349,74 @@ def _draw_grid(axes: Axes, frame: Box, turn: float, units: Units) -> str:
     return f"{round_step:g} {units.length}"
 
 
-KEY = (78.0, 62.0)
-"""Width and height of the key, points: north, wind, grid, and the colours of the load factor."""
-
-
-def _draw_keys(figure: Figure, axes: Axes, flight: Flight, line: Any, turn: float, grid: str) -> list[Box]:
-    """Draw north, wind, the grid's width and the colours in the emptiest corner; return where, in pixels."""
+def _draw_keys(figure: Figure, axes: Axes, flight: Flight, track: Array, turn: float, grid: str) -> Box:
+    """Draw north, wind and the grid's width in the emptiest corner; return where, in pixels."""
     edge, pixel = axes.get_window_extent(), figure.dpi / POINTS
     width, height = KEY[0] * pixel, KEY[1] * pixel
-    track = axes.transData.transform(np.stack([flight["y"], flight["x"]], axis=1))
+    seen = axes.transData.transform(track)
     corners = [
         Box(left, bottom, width, height)
         for left in (edge.x0, edge.x1 - width)
         for bottom in (edge.y1 - height, edge.y0)
     ]
-    corner = min(corners, key=lambda corner: corner.count_inside(track))
-    across, up = figure.bbox.width, figure.bbox.height
-    key = figure.add_axes((corner.left / across, corner.bottom / up, width / across, height / up), zorder=8)
+    corner = min(corners, key=lambda corner: corner.count_inside(seen))
+    whole = figure.bbox
+    place = ((corner.left - whole.x0) / whole.width, (corner.bottom - whole.y0) / whole.height)
+    key = figure.add_axes((*place, width / whole.width, height / whole.height), zorder=8)
     key.set(xlim=(0.0, KEY[0]), ylim=(0.0, KEY[1]), xticks=[], yticks=[])
     key.patch.set(alpha=0.8)
     for spine in key.spines.values():
         spine.set_visible(False)
     wind = flight.air.wind
-    _draw_arrow(key, (18.0, 42.0), turn + 0.5 * math.pi, BLACK, "N")
+    _draw_arrow(key, (22.0, 27.0), turn + 0.5 * math.pi, "N")
     if wind is not None and wind.speed != 0.0:
         towards = turn - 0.5 * math.pi - wind.origin  # it blows from its origin, which counts clockwise from north
-        _draw_arrow(key, (54.0, 42.0), towards, BLUE, "wind")
-    key.text(4.0, 20.0, grid, fontsize=5.5, color=GREY, va="center")
-    bar = figure.colorbar(line, cax=key.inset_axes((0.05, 0.17, 0.62, 0.06)), orientation="horizontal")
-    bar.ax.tick_params(labelsize=5.5, length=1.5, pad=1.0)
-    bar.outline.set_linewidth(0.3)
-    key.text(KEY[0] - 21.0, 12.0, "g", fontsize=6.5, va="center")
-    return [corner]
+        _draw_arrow(key, (68.0, 27.0), towards, "wind")
+    key.text(4.0, 6.0, grid, fontsize=SIZE, va="center")
+    return corner
 
 
-def _draw_arrow(axes: Axes, middle: tuple[float, float], direction: float, colour: str, name: str) -> None:
+def _draw_arrow(axes: Axes, middle: tuple[float, float], direction: float, name: str) -> None:
     """Draw an arrow through a point with its name before the head, so that neither touches the other."""
     step = 12.0 * np.array([math.cos(direction), math.sin(direction)])
-    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
+    arrow = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.0, "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0}
     tail, head = np.array(middle) - step, np.array(middle) + 0.5 * step
     axes.annotate("", xy=head, xytext=tail, arrowprops=arrow)
     beyond = 0.4 if len(name) == 1 else 0.4 + 0.35 * abs(math.cos(direction))
-    axes.text(*(head + beyond * step), name, fontsize=6.0, color=colour, ha="center", va="center")
+    axes.text(*(head + beyond * step), name, fontsize=SIZE, ha="center", va="center")
 
 
-def _number_gates(axes: Axes, flight: Flight, points: Array, taken: Sequence[Box]) -> None:
-    """Write the numbers of the passings beside each place, off one another and off the line; a place that is passed
-    several times has all of them."""
-    places: dict[tuple[float, float], list[int]] = {}
-    for number, crossing in enumerate(flight.crossings):
+def _draw_labels(axes: Axes, flight: Flight, lap: Lap, cues: Sequence[Cue], track: Array, key: Box) -> None:
+    """Write the names of the gates and, at marks on the line, the numbers of the cues, off one another and the line."""
+    gates: dict[tuple[float, float], list[str]] = {}
+    for crossing in (lap.legs[0].before, *(leg.after for leg in lap.legs)):
         if crossing.found:
             where = crossing.passage.element.place or (crossing.value("x"), crossing.value("y"))
-            places.setdefault((round(where[0], 1), round(where[1], 1)), []).append(number)
+            names = gates.setdefault((round(where[0], 1), round(where[1], 1)), [])
+            names += [gate_text(crossing.name)] if gate_text(crossing.name) not in names else []
+    legs = {leg.number for leg in lap.legs}
+    marks = [cue for cue in cues if cue.leg.number in legs]
+    places = [np.interp([cue.time for cue in marks], flight.time, flight[name]) for name in ("y", "x")]
+    axes.plot(*places, color=BLACK, marker="o", markersize=4.0, linestyle="none", zorder=6)
+    texts = [",".join(names) for names in gates.values()] + [str(cue.number) for cue in marks]
+    where = [(east, north) for north, east in gates] + list(zip(*(place.tolist() for place in places), strict=True))
     pixel, window = axes.figure.dpi / POINTS, axes.get_window_extent()
-    texts = [",".join(map(str, numbers)) for numbers in places.values()]
-    sizes = [((4.9 * len(text) + 3.0) * pixel, 9.5 * pixel) for text in texts]
-    anchors = axes.transData.transform(np.array([(east, north) for north, east in places]).reshape(-1, 2))
-    # The key is a label that has its place already.
-    keys = [(box.left + 0.5 * box.width, box.bottom + 0.5 * box.height) for box in taken]
-    hidden = np.concatenate([axes.transData.transform(points), np.repeat(np.array(keys).reshape(-1, 2), 400, axis=0)])
-    hidden = np.concatenate([hidden, *(_raster(box) for box in taken)])
-    boxes = place_labels(
-        [(float(across), float(up)) for across, up in anchors],
-        sizes,
-        hidden,
-        Box(window.x0, window.y0, window.width, window.height),
-        gap=5.0 * pixel,
-    )
-    style: dict[str, Any] = {"fontsize": 7, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 9}
-    background = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.4}
-    for text, box in zip(texts, boxes, strict=True):
+    sizes = [((0.66 * SIZE * len(text) + 2.0) * pixel, (SIZE + 1.0) * pixel) for text in texts]
+    anchors = axes.transData.transform(np.array(where).reshape(-1, 2))
+    hidden = np.concatenate([axes.transData.transform(track), np.repeat(_raster(key), 20, axis=0)])
+    frame = Box(window.x0, window.y0, window.width, window.height)
+    spots = [(float(across), float(up)) for across, up in anchors]
+    boxes = place_labels(spots, sizes, hidden, frame, gap=3.0 * pixel)
+    style: dict[str, Any] = {"fontsize": SIZE, "ha": "center", "va": "center", "zorder": 9, "color": BLACK}
+    for number, (text, box) in enumerate(zip(texts, boxes, strict=True)):
         middle = axes.transData.inverted().transform((box.left + 0.5 * box.width, box.bottom + 0.5 * box.height))
-        axes.text(*middle, text, color=BLACK, bbox=background, **style)
+        frame_style = {"facecolor": "white", "edgecolor": "none", "pad": 0.3, "alpha": 0.75}
+        if number < len(gates):
+            frame_style = {"facecolor": "white", "edgecolor": BLACK, "linewidth": 0.6, "pad": 0.8}
+        axes.text(*middle, text, bbox=frame_style, fontweight="bold" if number < len(gates) else "normal", **style)
 
 
 def _raster(box: Box) -> Array:
     """Return points all over a rectangle, shape (n, 2), which keep labels away from it."""
     across, up = np.linspace(box.left, box.left + box.width, 40), np.linspace(box.bottom, box.bottom + box.height, 40)
     return np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2).astype(np.float64)
-
-
-def _draw_table(axes: Axes, flight: Flight, units: Units, width: float, height: float) -> None:
-    """Draw when and how every passing is made, and what the leg that leads to it asks for."""
-    columns = table_columns(units)
-    rows: list[tuple[str | float, ...]] = []
-    for number, (crossing, leg) in enumerate(zip(flight.crossings, (None, *leg_facts(flight)), strict=True)):
-        course, bank, climb = (math.degrees(crossing.value(name)) for name in ("chi", "mu", "gamma"))
-        speed, above = crossing.value("V_I") * units.per_m_s, crossing.value("height") * units.per_m
-        load = crossing.value("n_z")
-        most = ("", "") if leg is None else (leg.n_z.greatest, math.degrees(leg.roll_rate))
-        rows.append((number, crossing.name[:16], crossing.time, speed, course % 360.0, above, bank, climb, load, *most))
-    heads, *texts = Table("", [column for _, column in columns], rows).texts()
-    if len(texts) > ROWS_MAX:
-        texts = [*texts[: ROWS_MAX - 2], ["", "...", *[""] * (len(columns) - 2)], texts[-1]]
-    step = height / (len(texts) + 1)
-    size = min(8.0, 0.76 * step)
-    for row, line in enumerate((heads, *texts)):
-        middle = height - step * (row + 0.5)
-        if row % 2 == 0 and row:
-            axes.axhspan(middle - 0.5 * step, middle + 0.5 * step, color="#f1f1f1", zorder=0)
-        for column, ((share, _), text) in enumerate(zip(columns, line, strict=True)):
-            weight = "bold" if column == 0 or row == 0 else "normal"
-            side = "left" if column == 1 else "right"
-            colour, across = GREY if row == 0 else BLACK, share * width
-            axes.text(across, middle, text, fontsize=size, ha=side, va="center", color=colour, fontweight=weight)

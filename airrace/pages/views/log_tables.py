@@ -69,6 +69,17 @@ def violations_table(violations: Sequence[Violation], title: str = "", notes: Se
     return Table(title, _VIOLATIONS, rows, notes)
 
 
+def penalties_text(violations: Sequence[Violation]) -> str:
+    """Return the sum of the penalties of what is certain, in words, with the rules whose penalties are not known."""
+    certain = [violation for violation in violations if violation.certain]
+    unknown = dict.fromkeys(violation.rule for violation in certain if math.isnan(violation.penalty))
+    total = sum(violation.penalty for violation in certain if not math.isnan(violation.penalty))
+    if math.isinf(total) or not unknown:
+        return penalty_text(total)
+    rest = f"not known for {', '.join(unknown)}"
+    return f"{penalty_text(total)}, {rest}" if total > 0.0 else rest
+
+
 def penalty_text(penalty: float) -> str:
     """Return a penalty in words."""
     if math.isnan(penalty):

@@ -119,12 +119,12 @@ class RelaxedRace:
         without_pilot: the race relaxed without the limits of a pilot, as far as solved; empty without such limits.
     """
 
-    def __init__(self, race: Race, flight: StageProblem, settings: MeshSettings) -> None:
-        self.budget = conflict_budget(flight.plan, settings)
+    def __init__(self, race: Race, stage_problem: StageProblem, settings: MeshSettings) -> None:
+        self.budget = conflict_budget(stage_problem.plan, settings)
         self._race, self._parameters = race, relaxable_parameters(race)
         self.without_pilot: list[Relaxed | None] = []
         self._solved: list[Relaxed | None] = []
-        self._remaining = self._starts(flight, settings)
+        self._remaining = self._starts(stage_problem, settings)
 
     def solve(self, session: SolverSession) -> Iterator[Relaxed | None]:
         """Yield the race relaxed along one plan after the other; None where that fails.
@@ -146,24 +146,26 @@ class RelaxedRace:
             yield relaxed
 
     def _without_pilot(
-        self, session: SolverSession, flight: StageProblem, mesh: Mesh, start: Iterate
+        self, session: SolverSession, stage_problem: StageProblem, mesh: Mesh, start: Iterate
     ) -> Relaxed | None:
-        flight = without_pilot_limits(flight, self._race)
-        race = dataclasses.replace(self._race, course=flight.course)
-        free = ElasticSolver(race, flight, mesh).solve_all(session, race, relaxable_parameters(race), start)
+        stage_problem = without_pilot_limits(stage_problem, self._race)
+        race = dataclasses.replace(self._race, course=stage_problem.course)
+        free = ElasticSolver(race, stage_problem, mesh).solve_all(session, race, relaxable_parameters(race), start)
         self.without_pilot.append(free)
         return free
 
-    def _starts(self, flight: StageProblem, settings: MeshSettings) -> Iterator[tuple[StageProblem, Mesh, Iterate]]:
+    def _starts(
+        self, stage_problem: StageProblem, settings: MeshSettings
+    ) -> Iterator[tuple[StageProblem, Mesh, Iterate]]:
         milder = self._race
         for parameter in self._parameters:
             milder = parameter.set(milder, parameter.at_steps(min(MILDER_STEPS, 0.9 * parameter.steps_max)))
         before: Iterate | None = None
-        for plan in (flight.plan, with_passages(plan_race(milder), self._race.course)):
+        for plan in (stage_problem.plan, with_passages(plan_race(milder), self._race.course)):
             mesh = first_mesh(plan, settings)
             start = guess(plan, mesh)
             if before is None or not np.array_equal(before.state, start.state):
-                yield dataclasses.replace(flight, plan=plan), mesh, start
+                yield dataclasses.replace(stage_problem, plan=plan), mesh, start
             before = start
 
 

@@ -47,22 +47,26 @@ TIGHTENING_WORK = 2.0
 
 
 def diagnose_infeasibility(
-    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRace | None = None
+    result: StageResult,
+    race: Race,
+    stage_problem: StageProblem,
+    session: SolverSession,
+    routes: RelaxedRace | None = None,
 ) -> StageResult:
     """Return an infeasible stage with its diagnosis; or the flight, if there is one after all.
 
     Args:
         result: of the stage, without a flight.
         race: the infeasible one.
-        flight: the race as it was planned, in the equations of the stage.
+        stage_problem: the race as it was planned, in the equations of the stage.
         session: solves.
         routes: the race with all limits relaxed; None if that was not solved before.
     """
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
-    routes = routes or RelaxedRace(race, flight, session.settings.mesh)
+    routes = routes or RelaxedRace(race, stage_problem, session.settings.mesh)
     with limited_session(session, session.budget.reserve_for_diagnosis()) as limited:
-        diagnosis = _diagnose(result, race, flight, limited, routes)
+        diagnosis = _diagnose(result, race, stage_problem, limited, routes)
     record = tuple(session.attempts), session.timings()
     if isinstance(diagnosis, StageResult):
         return dataclasses.replace(diagnosis, attempts=record[0], timings=record[1])
@@ -75,14 +79,14 @@ def diagnose_infeasibility(
 
 
 def _diagnose(
-    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRace
+    result: StageResult, race: Race, stage_problem: StageProblem, session: SolverSession, routes: RelaxedRace
 ) -> StageResult | tuple[str, tuple[SuggestedChange, ...]]:
     """Return the flight, if there is one after all; else the conflicts in words, and the changes that resolve them.
 
     The text is empty without a conflict.
     """
     with searching_conflicts(session, routes.budget) as searching:
-        trials = Trials(searching, race, flight.stage)
+        trials = Trials(searching, race, stage_problem.stage)
         search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
         conflicts = list(search.conflicts(routes.solve(session)))
         if search.flight is not None:
@@ -97,7 +101,7 @@ def _diagnose(
     message = describe_conflicts(changes)
     is_resolved = any(change.text for change in changes)
     if not is_resolved:
-        problem, end = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+        problem, end = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
         limit = diagnose_window(session, problem, end, end, "")
         message = None if limit is None else "; ".join(text for text in (message, limit) if text)
     elif session.settings.search is SearchEffort.OFF:
@@ -201,9 +205,11 @@ class Trials:
         first = self._fly(_start_near(race, near))
         if first.race_time is not None or not first.was_tried:
             return first
-        flight = formulate(self.stage, race, self.session.settings)
-        mesh = first_mesh(flight.plan, self.session.settings.mesh)
-        planned = self._fly(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD))
+        stage_problem = formulate(self.stage, race, self.session.settings)
+        mesh = first_mesh(stage_problem.plan, self.session.settings.mesh)
+        planned = self._fly(
+            Start(stage_problem, stage_problem.problem(mesh), guess(stage_problem.plan, mesh), InitialBarrier.COLD)
+        )
         return dataclasses.replace(planned, work=first.work + planned.work)
 
     def _fly(self, start: Start) -> TrialFlight:

@@ -92,9 +92,9 @@ class Relaxed:
 class ElasticSolver:
     """A solver of elastic problems of one race, along one plan, on one mesh."""
 
-    def __init__(self, race: Race, flight: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
+    def __init__(self, race: Race, stage_problem: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
         self.mesh = mesh
-        self._perturbed = PerturbedProblem(race, flight, mesh)
+        self._perturbed = PerturbedProblem(race, stage_problem, mesh)
 
     def flight(self, race: Race) -> StageProblem:
         """Return the flight of a race that differs in numbers, along the same plan."""

@@ -63,7 +63,7 @@ class InitialGuess:
     """A flight that a coarse solution starts from.
 
     Attributes:
-        flight: as it is planned.
+        stage_problem: as it is planned.
         mesh: that the guess is on.
         guess: where the solver begins.
         barrier: the first value of the barrier parameter.
@@ -72,7 +72,7 @@ class InitialGuess:
         before: the optimum on another mesh from which it comes, with its multipliers; None without one.
     """
 
-    flight: StageProblem
+    stage_problem: StageProblem
     mesh: Sequence[tuple[float, ...]]
     guess: Iterate
     barrier: InitialBarrier
@@ -85,14 +85,14 @@ class CoarseSolution:
     """A rough optimum.
 
     Attributes:
-        flight: with the plan that it started from.
+        stage_problem: with the plan that it started from.
         problem: on its mesh.
         iterate: the flight.
         multipliers: of all limits.
         errors: what each phase is too fast for its mesh alone, s; shape (n,).
     """
 
-    flight: StageProblem
+    stage_problem: StageProblem
     problem: Problem
     iterate: Iterate
     multipliers: Multipliers
@@ -114,11 +114,11 @@ class CoarseSolution:
         return costates(Layout(self.problem), self.multipliers.constraints)
 
 
-def planned_guess(flight: StageProblem, plan: Plan, barrier: InitialBarrier) -> InitialGuess:
+def planned_guess(stage_problem: StageProblem, plan: Plan, barrier: InitialBarrier) -> InitialGuess:
     """Return a flight straight from a plan; one that is planned to be slow has no more intervals for that."""
-    share = plan.cruise.V / flight.plan.cruise.V
+    share = plan.cruise.V / stage_problem.plan.cruise.V
     mesh = [(1.0 / count,) * count for count in (intervals(share * s) for s in leg_seconds(plan))]
-    return InitialGuess(replace(flight, plan=plan), mesh, guess(plan, mesh), barrier)
+    return InitialGuess(replace(stage_problem, plan=plan), mesh, guess(plan, mesh), barrier)
 
 
 def intervals(seconds: float) -> int:
@@ -139,7 +139,7 @@ def solve_coarse(service: SolverService, start: InitialGuess) -> CoarseSolution 
 def on_other_mesh(coarse: CoarseSolution, counts: Sequence[int]) -> InitialGuess:
     """Return a rough optimum on another mesh, with so many intervals per phase, to be solved again."""
     mesh, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
-    return InitialGuess(coarse.flight, mesh, iterate, InitialBarrier.COARSE, before=coarse)
+    return InitialGuess(coarse.stage_problem, mesh, iterate, InitialBarrier.COARSE, before=coarse)
 
 
 def _solve_with_refinement(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
@@ -147,7 +147,7 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
     iterations = BASELINE_ITERATIONS_MAX if start.is_baseline else ITERATIONS_MAX
     coarse, before = None, start.before
     for _ in range(MESHES_MAX):
-        problem = start.flight.problem(mesh)
+        problem = start.stage_problem.problem(mesh)
         solution: Solution | None = None
         if before is not None:
             multipliers = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
@@ -157,7 +157,7 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
         if solution is None or not solution.success:
             return coarse
         errors = objective_error(problem, solution)
-        coarse = before = CoarseSolution(start.flight, problem, solution.iterate, solution.multipliers, errors)
+        coarse = before = CoarseSolution(start.stage_problem, problem, solution.iterate, solution.multipliers, errors)
         counts: list[int] = []
         for phase, seconds, error in zip(mesh, coarse.iterate.durations.tolist(), errors.tolist(), strict=True):
             regular = intervals(seconds)

@@ -89,7 +89,7 @@ class MoveGenerator:
     def rolls(self, changed: Set[int]) -> Iterator[Move]:
         """Yield each roll from side to side the other way, in windows that hold a phase that has changed."""
         base, nodes = self.base, self.base.problem.first_node
-        flight = dataclasses.replace(base.flight, plan=self._plan)
+        flight = dataclasses.replace(base.stage_problem, plan=self._plan)
         steps = interval_durations(base.problem, base.iterate.durations)
         time: list[float] = [0.0, *np.cumsum(steps).tolist()]
         for reroll in rerolls(base.problem, base.iterate):
@@ -166,7 +166,7 @@ class MoveGenerator:
         """Return a move in some segments for others past the same elements, so many segments later."""
         first, last = self.segments[numbers[0]], self.segments[numbers[-1]]
         places = self.segments[numbers[0] + later], self.segments[numbers[-1] + later]
-        shift, waypoints = places[0].first - first.first, move.move.flight.plan.waypoints
+        shift, waypoints = places[0].first - first.first, move.move.stage_problem.plan.waypoints
         planned = {
             index + shift: dataclasses.replace(waypoints[index], passage=self._course.passages[index + shift])
             for index in range(first.first, last.last + 1)
@@ -291,7 +291,7 @@ class MoveGenerator:
         """Return a move in a window with room around what changes."""
         begin, end = self._window(first, last)
         base = self.base
-        flight = dataclasses.replace(base.flight, plan=planned)
+        flight = dataclasses.replace(base.stage_problem, plan=planned)
         window = [
             pieces[index] if index in pieces else phase_piece(base.iterate, base.problem, index)
             for index in range(begin, end)

@@ -80,7 +80,7 @@ class FoundRoutes:
 
 
 def search_routes(
-    flight: StageProblem,
+    stage_problem: StageProblem,
     course: Course,
     session: SolverSession,
     budget: SearchBudget,
@@ -92,7 +92,7 @@ def search_routes(
     """Look for the fastest route.
 
     Args:
-        flight: the point mass, with the race's own plan.
+        stage_problem: the point mass, with the race's own plan.
         course: the course.
         session: solves, and reports progress.
         budget: how much is tried.
@@ -106,8 +106,8 @@ def search_routes(
         session.progress.activity(text, 0, 0)
 
     with session.pool() as pool:
-        search = Search(flight, course, budget, pool, report_progress)
-        starts = planned_starts(flight, course, budget) if starts is None else starts
+        search = Search(stage_problem, course, budget, pool, report_progress)
+        starts = planned_starts(stage_problem, course, budget) if starts is None else starts
         elite = _elite(search.run(starts, solved).flights, course, max(budget.elite, alternatives))
         if elite:
             report_progress(f"{len(elite)} route{'s' * (len(elite) > 1)} compared on a finer mesh")
@@ -119,15 +119,21 @@ def search_routes(
     def search_report(number: int) -> SearchReport:
         if not finals:
             return SearchReport((), 0, 0, result.failed, seconds, ())
-        pace = budget.planning_radius.scale(flight.plan.cruise)
+        pace = budget.planning_radius.scale(stage_problem.plan.cruise)
         return _report(result, finals[number], course, pace, seconds)
 
     barrier = InitialBarrier.COARSE
     routes = tuple(
-        Start(flight.flight, flight.problem, flight.iterate, barrier, multipliers=flight.multipliers)
-        for flight in finals
+        Start(
+            stage_problem.stage_problem,
+            stage_problem.problem,
+            stage_problem.iterate,
+            barrier,
+            multipliers=stage_problem.multipliers,
+        )
+        for stage_problem in finals
     )
-    return FoundRoutes(routes, search_report, sum(_is_near(flight, finals[0]) for flight in finals))
+    return FoundRoutes(routes, search_report, sum(_is_near(stage_problem, finals[0]) for stage_problem in finals))
 
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:

@@ -14,37 +14,37 @@ from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 
 
-def plans_to_search(flight: StageProblem, settings: MeshSettings, budget: SearchBudget) -> list[InitialGuess]:
+def plans_to_search(stage_problem: StageProblem, settings: MeshSettings, budget: SearchBudget) -> list[InitialGuess]:
     """Return the plan that a run without a search starts from, with ties decided either way, and the budget's."""
-    course, starts = flight.course, list[InitialGuess]()
-    for route in (flight.plan, plan(course, flight.plan.cruise, MIRRORED_TIES)):
+    course, starts = stage_problem.course, list[InitialGuess]()
+    for route in (stage_problem.plan, plan(course, stage_problem.plan.cruise, MIRRORED_TIES)):
         mesh = first_mesh(route, settings)
         start = InitialGuess(
-            replace(flight, plan=route), mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True
+            replace(stage_problem, plan=route), mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True
         )
         if not starts or not np.array_equal(starts[-1].guess.state, start.guess.state):
             starts.append(start)
-    return [*starts, *planned_starts(flight, course, budget)]
+    return [*starts, *planned_starts(stage_problem, course, budget)]
 
 
-def plans_with_room(flight: StageProblem, budget: SearchBudget) -> list[InitialGuess]:
+def plans_with_room(stage_problem: StageProblem, budget: SearchBudget) -> list[InitialGuess]:
     """Return plans with room of the race's own radius and those of the budget."""
-    course, starts = flight.course, list[InitialGuess]()
-    own = flight.plan.cruise
+    course, starts = stage_problem.course, list[InitialGuess]()
+    own = stage_problem.plan.cruise
     for pace in (own, *(radius.scale(own) for radius in budget.radii)):
         replanned = plan_with_room(course, plan(course, pace))
         if replanned is not None:
-            start = planned_guess(flight, replanned, InitialBarrier.COLD)
+            start = planned_guess(stage_problem, replanned, InitialBarrier.COLD)
             starts.append(replace(start, is_baseline=pace is own))  # a run without a search starts from it, too
     return starts
 
 
-def replanned_with_room(flight: StageProblem) -> StageProblem | None:
+def replanned_with_room(stage_problem: StageProblem) -> StageProblem | None:
     """Return the point mass along a plan with room; None where its own plan has it.
 
     A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
     Where it would rise too steeply, a solve from a longer way finds how to; likewise where it would pass gates too
     aslant for its wing.
     """
-    replanned = plan_with_room(flight.course, flight.plan)
-    return None if replanned is None else replace(flight, plan=replanned)
+    replanned = plan_with_room(stage_problem.course, stage_problem.plan)
+    return None if replanned is None else replace(stage_problem, plan=replanned)

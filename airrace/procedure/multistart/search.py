@@ -116,13 +116,13 @@ BUDGETS: Mapping[SearchEffort, SearchBudget] = {SearchEffort.QUICK: QUICK, Searc
 """The budgets by `settings.search`."""
 
 
-def planned_starts(flight: StageProblem, course: Course, budget: SearchBudget) -> list[InitialGuess]:
+def planned_starts(stage_problem: StageProblem, course: Course, budget: SearchBudget) -> list[InitialGuess]:
     """Return plans of different radius, some of them with ties decided either way."""
     starts: list[InitialGuess] = []
     for number, radius in enumerate(budget.radii):
-        pace = radius.scale(flight.plan.cruise)
+        pace = radius.scale(stage_problem.plan.cruise)
         own, mirrored = (
-            planned_guess(flight, plan(course, pace, ties), InitialBarrier.COLD) for ties in (ANY, MIRRORED_TIES)
+            planned_guess(stage_problem, plan(course, pace, ties), InitialBarrier.COLD) for ties in (ANY, MIRRORED_TIES)
         )
         starts.append(own)
         if number < budget.mirrored_ties and not np.array_equal(own.guess.state, mirrored.guess.state):
@@ -150,7 +150,7 @@ class Search:
     """A search for the fastest route.
 
     Args:
-        flight: the point mass on the course.
+        stage_problem: the point mass on the course.
         course: the course.
         budget: how much is tried.
         pool: what solves.
@@ -159,13 +159,13 @@ class Search:
 
     def __init__(
         self,
-        flight: StageProblem,
+        stage_problem: StageProblem,
         course: Course,
         budget: SearchBudget,
         pool: SolverPool,
         report: Callable[[str], None],
     ) -> None:
-        self._flight, self._course, self._pace = flight, course, flight.plan.cruise
+        self._flight, self._course, self._pace = stage_problem, course, stage_problem.plan.cruise
         self._budget, self._pool, self._report = budget, pool, report
         self._flights: list[CoarseSolution] = []
         self._starts: list[CoarseSolution] = []
@@ -383,6 +383,6 @@ class Search:
         problem = base.problem
         decisions = decisions_from_solution(self._course, problem.system.states, base.iterate.state, problem.first_node)
         for move in moves:
-            waypoints = move.flight.plan.waypoints
+            waypoints = move.stage_problem.plan.waypoints
             decisions = decisions.as_planned({index: waypoints[index] for index in range(move.first, move.last + 1)})
         return decisions

@@ -47,7 +47,7 @@ class Move:
 
     Attributes:
         base: the flight.
-        flight: with the plan of the other route.
+        stage_problem: with the plan of the other route.
         pieces: a guess, one piece per phase of the window.
         segment: whose route changes.
         kind: what is different.
@@ -59,7 +59,7 @@ class Move:
     base: CoarseSolution
     first: int
     last: int
-    flight: StageProblem
+    stage_problem: StageProblem
     pieces: Sequence[Iterate]
     segment: Segment
     kind: str
@@ -126,13 +126,13 @@ def evaluate(service: SolverService, move: Move) -> EvaluatedMove | None:
 
 
 def apply_moves(
-    service: SolverService, flight: StageProblem, base: CoarseSolution, moves: Sequence[EvaluatedMove]
+    service: SolverService, stage_problem: StageProblem, base: CoarseSolution, moves: Sequence[EvaluatedMove]
 ) -> CoarseSolution | None:
     """Optimise the whole flight jointly, with some moves made that do not overlap.
 
     Args:
         service: what solves.
-        flight: with the plan of all these moves.
+        stage_problem: with the plan of all these moves.
         base: the flight into which they are put.
         moves: solved in their windows.
     """
@@ -143,7 +143,7 @@ def apply_moves(
             place = index - move.move.first
             pieces[index] = phase_piece(move.iterate, move.problem, place)
             mesh[index] = move.problem.phases[place].fractions
-    return solve_coarse(service, InitialGuess(flight, mesh, concatenate(pieces), InitialBarrier.COARSE))
+    return solve_coarse(service, InitialGuess(stage_problem, mesh, concatenate(pieces), InitialBarrier.COARSE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ class _Window:
         for index, piece in zip(move.phases, move.pieces, strict=True):
             count = piece.control.shape[1]
             mesh[index] = mesh[index] if len(mesh[index]) == count else (1.0 / count,) * count
-        whole = move.flight.problem(mesh)
+        whole = move.stage_problem.problem(mesh)
         phases, guess = list(whole.phases[first:last]), concatenate(move.pieces)
         head, tail = move.spare
         begin, end = nodes[first] + head, nodes[last] - tail
@@ -188,7 +188,7 @@ class _Window:
             )
         start = whole.start
         if begin > 0:
-            start = fixed_state(move.flight, base.iterate.state[:, begin])
+            start = fixed_state(move.stage_problem, base.iterate.state[:, begin])
             phases[0] = phases[0].without_path_constraints_at(0)
         whole = replace(whole, start=start)
         objective, costate = whole.objective, 0.0

@@ -127,3 +127,12 @@ def test_elements_beside_the_track_change_nothing(tmp_path: Path) -> None:
     plain = read_log(path)
     path.write_text(re.sub("(<trk>)", r"<wpt lat='1' lon='2'><ele>9</ele><time>x</time></wpt><trk/>\1", text))
     assert np.array_equal(read_log(path).columns["altitude"], plain.columns["altitude"])
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.3, 1.0])
+def test_a_roll_by_the_same_clock_is_not_said_to_come_early_or_late(noise: float) -> None:
+    seen = fixes(10.0, noise=noise, gap=(0.0, 0.0))
+    roll = np.degrees(known().at("mu", seen.time))
+    rows = zip(csv_text(seen).splitlines(), ["roll [deg]", *(f"{angle:.1f}" for angle in roll)], strict=True)
+    one = imported("\n".join(",".join(row) for row in rows) + "\n")
+    assert not [remark for remark in one.remarks if "against the positions" in remark]

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import csv_text, fixes, gpx_text, igc_text, on_globe
+from synthetic import Fixes, csv_text, fixes, gpx_text, igc_text, imported, on_globe
 
+import airrace
+from airrace.errors import UsageError
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.quality import PLAIN_RECEIVER, VERTICAL_RATIO, FixType, fix_type, receiver_accuracy
 from airrace.flights.logs.reading import read_log
@@ -111,3 +113,23 @@ def test_a_dialect_knows_its_columns_of_quality(tmp_path: Path) -> None:
     rows = [f"{t * 1e6 + 9e6:.0f},6,0.8,{north:.7f},{east:.7f},{up:.2f}" for t, north, east, up in places]
     found = read(tmp_path, "\n".join(["TimeUS,Status,HDop,Lat,Lng,Alt", *rows]) + "\n")
     assert receiver_accuracy(found).across == pytest.approx(0.02)
+
+
+def test_lost_satellites_of_a_fast_receiver_are_told_and_accuse_nobody() -> None:
+    """Positions wander by metres without any noise from sample to sample, as the log's own accuracy says."""
+    seen = fixes(20.0, noise=0.0, gap=(0.0, 0.0))
+    lost = np.clip((seen.time - 20.0) / 5.0, 0.0, 1.0)
+    wander = 4.0 * lost * np.sin(2.0 * np.pi * (seen.time - 20.0) / 20.0)
+    text = csv_text(Fixes(seen.time, seen.north + wander, seen.east - wander, seen.height - wander))
+    cells = [f"{16 - 5 * share:.0f},{0.02 + 3.0 * share:.2f},{0.03 + 4.5 * share:.2f}" for share in lost]
+    rows = zip(text.splitlines(), ["satellites,hAcc [m],vAcc [m]", *cells], strict=True)
+    flown = imported("\n".join(",".join(row) for row in rows) + "\n")
+    assert [breach for breach in flown.violations if breach.certain] == []
+    assert any("say 3 m instead of 0.02 m from" in remark for remark in flown.remarks)
+
+
+def test_an_accuracy_that_no_receiver_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(csv_text(SEEN))
+    with pytest.raises(UsageError, match="an accuracy of 0 m is out of range"):
+        airrace.import_log(path, "rovinj_2014", accuracy=0.0)

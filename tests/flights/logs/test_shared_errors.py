@@ -67,5 +67,5 @@ def test_a_start_before_the_first_sample_has_no_certain_speed(tmp_path: Path) ->
     one = imported(csv_text(cut), tmp_path)
     assert one.flight.crossings[0].found
     assert one.known["0:g0"].speed > 5.0
-    whole = imported(csv_text(replace(five)), tmp_path)
+    whole = imported(csv_text(replace(five)), tmp_path, 0.02)
     assert whole.known["0:g0"].speed < 1.0

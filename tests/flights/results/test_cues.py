@@ -1,26 +1,28 @@
-"""Cues: exactly the events of a history that is made of them, whatever the noise, and mirrored in a mirror."""
+"""Cues: a chain from passing to passing that can be flown as told, whatever the noise, and mirrored in a mirror."""
 
 import csv
 import functools
+import itertools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from example_flights import ROOT, circling, half_cuban, rovinj
+from example_flights import ROOT, circling, half_cuban, rovinj, shipped
+from spoken_flight import spoken_deviations
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing
-from airrace.flights.results.cues import Action, Pull, RollAction, cues_of, turning_points
+from airrace.flights.results.cues import cues_of, load_profile, turning_points
 from airrace.flights.results.derivation import complete_histories
 from airrace.model.frames import QUATERNION, quaternion
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array
-from airrace.pages.views.stage_tables import action_table, cue_text, place_text
+from airrace.pages.views.cue_tables import bank_text, cue_rows, cue_text, gate_text, place_text
 from airrace.pages.views.tables import UNITS
 from airrace.race import Race
 from airrace.runs.stage_data import Brief
@@ -104,93 +106,137 @@ def optimum() -> Flight:
     return flight_through(rovinj(), "optimum", columns["time_s"], given, passed).at_rate(50.0)
 
 
-def actions(flight: Flight) -> list[Action]:
-    return [action for cue in cues_of(flight) for action in cue.actions]
-
-
-def kinds(flight: Flight) -> list[tuple[str, ...]]:
-    """What is done, in order, without numbers."""
-    return [
-        (type(one).__name__, *([one.side] if isinstance(one, RollAction | Pull) else [])) for one in actions(flight)
-    ]
-
-
-def test_a_constructed_history_has_exactly_its_events() -> None:
-    right, turn, left, up, over, push = actions(constructed())
-    assert isinstance(right, RollAction)
-    assert isinstance(left, RollAction)
-    assert isinstance(up, RollAction)
-    assert isinstance(turn, Pull)
-    assert isinstance(over, Pull)
-    assert isinstance(push, Pull)
-    for roll, begin, duration, bank, angle in ((right, 1.0, 0.4, 0.0, 80.0), (left, 5.0, 0.8, 80.0, -160.0)):
+def test_a_constructed_history_has_its_rolls_turns_and_apex() -> None:
+    cues = cues_of(constructed())
+    rolls = [
+        cue for cue in cues if cue.action == "roll" and cue.duration > 0.2
+    ]  # the histories turn on their back at once
+    assert [roll.side for roll in rolls] == ["right", "left", "right"]
+    for roll, begin, duration, bank, angle in zip(
+        rolls, (1.0, 5.0, 8.0), (0.4, 0.8, 0.5), (0.0, 80.0, -80.0), (80.0, -160.0, 80.0), strict=True
+    ):
         assert roll.time == pytest.approx(begin, abs=0.06)
-        assert roll.duration == pytest.approx(duration, abs=0.12)
-        assert math.degrees(roll.bank_from) == pytest.approx(bank, abs=4.0)
-        assert math.degrees(roll.angle) == pytest.approx(angle, abs=4.0)
-    assert (left.level, left.inverted, right.level) == (True, False, False)
-    for pull, begin, duration, peak in ((turn, 1.6, 2.0, 8.0), (over, 9.0, 2.5, 6.0), (push, 15.0, 0.6, -1.0)):
-        assert pull.time == pytest.approx(begin, abs=0.06)
-        assert pull.duration == pytest.approx(duration, abs=0.12)
-        assert pull.n_z == pytest.approx(peak, abs=0.45)
-    assert (turn.side, over.side, push.side) == ("right", "up", "down")
-    assert math.degrees(turn.turn) == pytest.approx(90.0, abs=3.0)
-    assert (turn.over_the_top, over.over_the_top) == (False, True)
-    assert over.apex == pytest.approx(113.0, abs=5.0)
-    assert math.isnan(turn.apex)
+        assert roll.duration == pytest.approx(duration, abs=0.25)
+        assert math.degrees(roll.begin.bank) == pytest.approx(bank, abs=4.0)
+        assert math.degrees(roll.rolled) == pytest.approx(angle, abs=8.0)
+    assert [roll.level for roll in rolls] == [False, True, False]
+    assert max(cue.n_z_extreme for cue in cues) == pytest.approx(8.0, abs=0.45)
+    assert min(cue.n_z_extreme for cue in cues) == pytest.approx(-1.0, abs=0.45)
+    ((cue, apex),) = [(cue, cue.apex) for cue in cues if cue.apex is not None]
+    assert cue.time <= apex.time < cue.end.time
+    assert apex.over_the_top
+    assert apex.height == pytest.approx(113.0, abs=5.0)
 
 
-def test_cues_stand_on_the_leg_on_which_they_begin_and_at_the_nearer_passing() -> None:
-    flight = constructed()
+@pytest.mark.parametrize("fly", [constructed, optimum])
+def test_cues_are_a_chain_from_passing_to_passing(fly: Callable[[], Flight]) -> None:
+    flight = fly()
     cues = cues_of(flight)
-    assert [len(one.actions) for one in cues] == [2, 1, 2, 1]
-    assert [one.leg.number for one in cues] == [1, 1, 2, 3]
-    names = [one.name for one in flight.crossings]
-    assert [one.passing for one in cues] == [
-        names[0],
-        names[1],
-        names[1],
-        names[2] if cues[3].distance > 0 else names[3],
+    assert [cue.number for cue in cues] == list(range(1, len(cues) + 1))
+    for before, behind in itertools.pairwise(cues):
+        assert astuple(before.end) == pytest.approx(astuple(behind.begin), abs=1e-9, nan_ok=True)
+    passed = [crossing.time for crossing in flight.crossings]
+    begins = {cue.time for cue in cues}
+    assert set(passed[:-1]) <= begins
+    assert cues[-1].end.time == passed[-1]
+    for cue in cues:
+        assert cue.leg.before.time <= cue.time < cue.end.time <= cue.leg.after.time
+        if not cue.vertical:
+            turned = math.remainder(cue.end.bank - cue.begin.bank - cue.rolled, 2.0 * math.pi)
+            assert turned == pytest.approx(0.0, abs=1e-9)
+
+
+def test_two_pulls_with_a_level_gate_between_them_are_cues_of_their_own() -> None:
+    """An apex behind a gate belongs to the leg behind it, whatever is pulled before."""
+    flight = optimum()
+    (apex,) = [cue for cue in cues_of(flight) if cue.apex is not None]
+    assert apex.apex is not None
+    assert apex.leg.before.time < apex.apex.time < apex.leg.after.time
+    assert (apex.leg.before.name, apex.leg.after.name) == ("1:g0", "1:g7#2")
+
+
+def test_places_are_told_from_the_nearer_passing() -> None:
+    for cue in cues_of(constructed()):
+        nearer = cue.leg.before if cue.passing == cue.leg.before.name else cue.leg.after
+        assert cue.passing == nearer.name
+        assert cue.distance == pytest.approx(SPEED * (cue.time - nearer.time), rel=0.3, abs=1.0)
+        assert abs(cue.distance) <= 0.5 * 1.3 * SPEED * cue.leg.time
+
+
+def test_a_load_profile_begins_ends_and_averages_as_told() -> None:
+    time = np.linspace(0.0, 2.0, 2001)
+    for begin, extreme, end, mean in (
+        (1.0, 8.0, 3.0, 6.5),
+        (5.0, 1.0, 2.0, 1.6),
+        (2.0, 6.0, 6.0, 5.0),
+        (3.0, 3.0, 3.0, 3.0),
+    ):
+        load = load_profile(time, 2.0, begin, extreme, end, mean)
+        assert (load[0], load[-1]) == pytest.approx((begin, end))
+        assert extreme in (load.max(), load.min())
+        assert load.mean() == pytest.approx(mean, abs=5e-3)
+
+
+def test_words_name_units_places_sides_and_gates_as_a_map_does() -> None:
+    cues = cues_of(constructed())
+    texts = [cue_text(cue) for cue in cues]
+    assert any(text.startswith("roll right level to R80 in 0.") for text in texts)
+    assert any(text.startswith("roll left R80 to L80 in 1.") and ", through level; " in text for text in texts)
+    (apex,) = [cue for cue in cues if cue.apex is not None]
+    assert "over the top, apex " in cue_text(apex)
+    assert " ft at " in cue_text(apex, UNITS["kt-ft"])
+    roll = next(cue for cue in cues if cue.action == "roll")
+    assert place_text(roll) == f"{roll.distance:.0f} m after g0"
+    assert place_text(replace(roll, distance=-2.0)) == "at g0"
+    assert place_text(replace(roll, distance=math.nan)) == ""
+    assert [bank_text(math.radians(bank)) for bank in (-88.0, 9.4, 0.3, 180.0, -179.8)] == [
+        *("L88", "R9", "level", "inverted", "inverted"),
     ]
-    for one in cues:
-        passed = flight.crossings[names.index(one.passing)].time
-        assert one.distance == pytest.approx(SPEED * (one.time - passed), rel=0.2)
-
-
-def test_words_name_units_places_and_sides() -> None:
-    first, second, third, _ = cues_of(constructed())
-    assert cue_text(first).startswith("roll right 0° -> ")
-    assert "; pull to 8" in cue_text(first)
-    assert cue_text(first).endswith(" s, right")
-    assert cue_text(second).endswith("through level")
-    assert ", up, over the top, apex " in cue_text(third)
-    assert cue_text(third).endswith(" m")
-    assert cue_text(third, UNITS["kt-ft"]).endswith(" ft")
-    assert place_text(first) == f"{first.distance:.0f} m after {first.passing}"
-    assert place_text(replace(first, distance=-2.0)) == f"at {first.passing}"
-    assert place_text(replace(first, distance=math.nan)) == ""
+    assert [gate_text(name) for name in ("2:g4#2", "0:entry", "a:b", "2:roll/begin")] == [
+        *("g4", "entry", "a:b", "roll/begin"),
+    ]
 
 
 def mirrored(flight: Flight) -> Flight:
     """A flight seen in a mirror that exchanges east and west."""
     signs = {"y": -1.0, "p_Kbar": -1.0, "mu": -1.0, "chi": -1.0, "q1": -1.0, "q3": -1.0}
-    values = {name: replace(one, values=signs.get(name, 1.0) * one.values) for name, one in flight.histories.items()}
+    values = {
+        name: replace(history, values=signs.get(name, 1.0) * history.values)
+        for name, history in flight.histories.items()
+    }
     return replace(flight, histories=values)
 
 
 @pytest.mark.parametrize("fly", [constructed, optimum])
 def test_a_mirrored_flight_has_mirrored_cues(fly: Callable[[], Flight]) -> None:
-    other = {"left": "right", "right": "left", "up": "up", "down": "down"}
-    straight, turned = actions(fly()), actions(mirrored(fly()))
+    sides = {"left": "right", "right": "left", "": ""}
+    straight, turned = cues_of(fly()), cues_of(mirrored(fly()))
     assert len(straight) == len(turned) > 3
-    for one, its in zip(straight, turned, strict=True):
-        assert type(one) is type(its)
-        assert one.time == pytest.approx(its.time, abs=1e-9)
-        if isinstance(one, RollAction) and isinstance(its, RollAction):
-            assert (one.angle, one.bank_to) == pytest.approx((-its.angle, -its.bank_to), abs=1e-9)
-        if isinstance(one, Pull) and isinstance(its, Pull):
-            assert other[one.side] == its.side
-            assert (one.n_z, one.duration) == pytest.approx((its.n_z, its.duration))
+    for cue, mirror in zip(straight, turned, strict=True):
+        assert mirror.side == sides[cue.side]
+        assert mirror.rolled == pytest.approx(-cue.rolled, abs=1e-9)
+        assert (mirror.time, mirror.n_z_extreme, mirror.n_z_mean) == (cue.time, cue.n_z_extreme, cue.n_z_mean)
+
+
+def assert_words_lead(flight: Flight) -> None:
+    """From the flight's state at every passing, words stay within 15 m and 5 degrees of it up to the next."""
+    deviations = spoken_deviations(flight)
+    assert [deviation.leg for deviation in deviations] == [crossing.name for crossing in flight.crossings[1:]]
+    assert max(deviation.distance for deviation in deviations) < 15.0
+    assert math.degrees(max(deviation.angle for deviation in deviations)) < 5.0
+    assert sum(deviation.cues for deviation in deviations) < 6 * len(deviations)
+
+
+@pytest.mark.parametrize("fly", [optimum, lambda: half_cuban().flight()])
+def test_who_flies_the_words_of_cues_stays_on_the_line(fly: Callable[[], Flight]) -> None:
+    assert_words_lead(fly())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stage", ["point-mass", "six-dof"])
+@pytest.mark.parametrize("course", [course.stem for course in sorted((ROOT / "tracks").glob("*.yaml"))])
+def test_who_flies_the_words_of_a_shipped_course_stays_on_the_line(course: str, stage: str) -> None:
+    assert_words_lead(shipped(course)[stage].flight())
 
 
 def noisy(flight: Flight, seed: int) -> Flight:
@@ -220,23 +266,19 @@ def without_roll_rate(flight: Flight) -> Flight:
     return replace(flight, histories={name: one for name, one in flight.histories.items() if name != "p_Kbar"})
 
 
-@pytest.mark.parametrize(
-    ("fly", "known"),
-    [(constructed, lambda flight: flight), (optimum, lambda flight: flight), (optimum, without_roll_rate)],
-)
-def test_noise_of_a_recorder_makes_no_cue_and_hides_none(
-    fly: Callable[[], Flight], known: Callable[[Flight], Flight]
+@pytest.mark.parametrize("fly", [constructed, optimum])
+@pytest.mark.parametrize("recorded", [lambda flight: flight, without_roll_rate])
+def test_noise_of_a_recorder_hides_no_roll_and_hardly_moves_it(
+    fly: Callable[[], Flight], recorded: Callable[[Flight], Flight]
 ) -> None:
     """Where no roll rate is recorded, it follows from the attitude."""
     flight = fly()
-    for seed in range(5):
-        one = known(noisy(flight, seed))
-        assert kinds(one) == kinds(flight)
-        moved = [abs(its.time - own.time) for its, own in zip(actions(one), actions(flight), strict=True)]
-        assert sum(apart > 0.15 for apart in moved) <= 1  # a load that dips to the very middle has two beginnings
-        for its, own in zip(actions(one), actions(flight), strict=True):
-            if isinstance(its, Pull) and isinstance(own, Pull):
-                assert its.n_z == pytest.approx(own.n_z, abs=0.3)
+    edges = [cue.time for cue in cues_of(flight) if cue.action == "roll" and abs(cue.rolled) > 1.0]
+    for seed in range(3):
+        cues = cues_of(recorded(noisy(flight, seed)))
+        assert len(cues) < 1.5 * len(cues_of(flight))
+        for edge in edges:
+            assert min(abs(cue.time - edge) for cue in cues) < 0.25
 
 
 def test_turning_points_are_passed_over_where_they_are_small() -> None:
@@ -245,9 +287,9 @@ def test_turning_points_are_passed_over_where_they_are_small() -> None:
     assert turning_points(np.full(4, 2.0), 1.0) == []
 
 
-def test_a_flight_without_attitude_or_changes_has_no_cues() -> None:
+def test_a_level_turn_is_held_and_a_flight_without_attitude_has_no_cues() -> None:
     flight = circling(rovinj())
-    assert actions(flight) == []
+    assert {(cue.action, round(math.degrees(cue.end.bank))) for cue in cues_of(flight)} == {("hold", 60)}
     assert cues_of(replace(flight, histories={name: flight.histories[name] for name in ("x", "y", "z")})) == ()
 
 
@@ -255,11 +297,10 @@ def test_a_briefing_is_the_same_as_text_table_and_rows(tmp_path: Path) -> None:
     brief = half_cuban().brief()
     assert brief.lines == half_cuban()["point-mass"].cues().lines
     assert len(brief.lines) == len(brief)
-    assert brief.lines[0].startswith(f"{brief[0].time:.2f} s, ")
-    assert any(" 0:entry: " in line for line in brief.lines)
-    rows = action_table(brief.cues).objects()
-    assert len(brief.to_csv().splitlines()) == len(rows) + 1 == len(actions(brief.flight)) + 1
-    assert json.loads(json.dumps(brief.as_object(), allow_nan=False))["actions"] == rows
+    assert brief.lines[0].startswith(f"{brief[0].time:.2f} s, at entry: ")
+    rows = cue_rows(brief.cues).objects()
+    assert len(brief.to_csv().splitlines()) == len(rows) + 1 == len(brief) + 1
+    assert json.loads(json.dumps(brief.as_object(), allow_nan=False))["cues"] == rows
     assert brief.to_csv(tmp_path / "cues.csv") == (tmp_path / "cues.csv").read_text()
     assert repr(brief).count("\n") >= len(brief)
     assert "<table" in brief._repr_html_()
@@ -282,6 +323,6 @@ def test_the_command_prints_the_table_the_rows_or_the_object(tmp_path: Path) -> 
     assert told(stored, "--csv")[1] == half_cuban().brief().to_csv()
     answer = json.loads(told(stored, "--json")[1])
     assert answer["stage"] == "point-mass"
-    assert {"roll", "pull"} <= {one["action"] for one in answer["actions"]}
+    assert {"roll", "hold"} <= {cue["action"] for cue in answer["cues"]}
     assert told(stored, "--json", "--csv")[0] == 2
     assert told(stored, "--stage", "six-dof")[0] == 2

@@ -607,7 +607,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (("report",), "eight.html"),
         (("plot",), "eight.png"),
-        (("plot", "--kneeboard"), "eight.kneeboard.png"),
+        (("plot", "--kneeboard"), "eight.kneeboard.pdf"),
         (("export", "mat"), "eight.mat"),
         (("export", "netcdf"), "eight.nc"),
     ],

@@ -72,8 +72,8 @@ def open_session(settings: Settings = PLAN, threads: int = 1) -> Iterator[Solver
 @functools.cache
 def planned_coarse_solution(race: Race) -> CoarseSolution:
     """A race solved coarsely from its own plan, as without a search; done once however many tests ask."""
-    flight = prepared(race)
-    start = planned_guess(flight, flight.plan, InitialBarrier.COLD)
+    stage_problem = prepared(race)
+    start = planned_guess(stage_problem, stage_problem.plan, InitialBarrier.COLD)
     with open_session() as session:
         found = solve_coarse(session.service, dataclasses.replace(start, is_baseline=True))
     assert found is not None

@@ -141,7 +141,7 @@ def test_alternative_that_does_not_hold_gets_no_second_start_and_one_without_an_
     assert seconds(result) == pytest.approx(9.0)
     assert result.alternatives == ()
     coarse = planned_coarse_solution(SMALL)
-    nothing = Failure(Start(coarse.flight, coarse.problem, coarse.iterate, InitialBarrier.COLD), None)
+    nothing = Failure(Start(coarse.stage_problem, coarse.problem, coarse.iterate, InitialBarrier.COLD), None)
     result, solved = stage_above(monkeypatch, nothing, taking(8.9))
     assert solved == 2
     assert seconds(result) == pytest.approx(8.9)
@@ -183,7 +183,9 @@ def first_stage(
 ) -> tuple[StageResult, list[list[Start]], list[Start]]:
     """The point mass where the search has found so many starts: the result, what was asked, and those starts."""
     coarse = planned_coarse_solution(SMALL)
-    starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
+    starts = tuple(
+        Start(coarse.stage_problem, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found)
+    )
     answers = Answers(*verdicts)
     monkeypatch.setattr(procedure, "solve_from_starts", answers)
     routes = FoundRoutes(starts, lambda _: search, near)
@@ -228,7 +230,7 @@ def test_next_route_and_at_last_the_plan_are_tried_where_the_best_is_not_certifi
 
 def test_routes_are_compared_with_the_certified_one(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = planned_coarse_solution(SMALL)
-    starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
+    starts = (Start(coarse.stage_problem, coarse.problem, coarse.iterate, 1.0),) * 2
     told = [SearchReport(routes=(Route(text, 9.0, 0.0, "joint"),)) for text in ("first", "second")]
     monkeypatch.setattr(procedure, "solve_from_starts", Answers(taking(9.0, certified=False), taking(9.05)))
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: FoundRoutes(starts, told.__getitem__))
@@ -268,7 +270,7 @@ def close_together(
     """The result where two routes below the last stage were solved on one mesh each, by what their checks lead to."""
     two = dataclasses.replace(QUICK, alternatives=carried)
     coarse = planned_coarse_solution(SMALL)
-    starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
+    starts = (Start(coarse.stage_problem, coarse.problem, coarse.iterate, 1.0),) * 2
     asked: list[float] = []
 
     def answered(_: object, optimum: StageResult, __: object) -> StageResult | str:

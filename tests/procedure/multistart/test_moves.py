@@ -55,7 +55,7 @@ ATTITUDE = slice(4, 8)
 def own_window(base: CoarseSolution, first: int, last: int) -> Move:
     """A window around a flight's own route."""
     pieces = [phase_piece(base.iterate, base.problem, index) for index in range(first, last)]
-    return Move(base, first, last, base.flight, pieces, Segment(0, first, last), "own")
+    return Move(base, first, last, base.stage_problem, pieces, Segment(0, first, last), "own")
 
 
 def evaluate_or_none(move: Move) -> EvaluatedMove | None:
@@ -75,7 +75,7 @@ def test_window_around_the_own_route_saves_nothing_and_keeps_the_conditions_of_t
     found = evaluated(own_window(base, first, last))
     assert abs(found.saved) < 3e-3
     assert found.iterate.durations.shape == (last - first,)
-    whole = base.flight.problem(base.problem.mesh)
+    whole = base.stage_problem.problem(base.problem.mesh)
     assert (found.problem.start == whole.start) is (first == 0)
     assert (found.problem.phases[-1].end == whole.phases[-1].end) is (last == 3)
 
@@ -96,7 +96,7 @@ def test_window_begins_and_ends_in_the_states_of_the_flight_around_it() -> None:
 
 
 def generator(base: CoarseSolution, race: Race) -> MoveGenerator:
-    return MoveGenerator(base, race.course, BUDGET.planning_radius.scale(base.flight.plan.cruise))
+    return MoveGenerator(base, race.course, BUDGET.planning_radius.scale(base.stage_problem.plan.cruise))
 
 
 def moves(base: CoarseSolution, race: Race) -> list[Move]:
@@ -110,7 +110,7 @@ def test_some_move_unwinds_a_wound_flight_and_fits_into_it() -> None:
     with open_session() as session:
         found = [evaluate(session.service, one) for one in tried]
         best = max((one for one in found if one is not None), key=lambda one: one.saved)
-        flight = dataclasses.replace(base.flight, plan=best.move.flight.plan)
+        flight = dataclasses.replace(base.stage_problem, plan=best.move.stage_problem.plan)
         whole = apply_moves(session.service, flight, base, [best])
     assert best.saved > 5.0
     assert whole is not None
@@ -143,8 +143,8 @@ def test_start_that_may_be_passed_either_way_is_tried_the_other_way() -> None:
     forward = plan_of(race)
     backwards = [one for one in candidates(race.course, 0) if math.cos(one.axis - forward.waypoints[0].axis) < 0.0]
     chosen = RouteDecisions(candidates={0: tuple(backwards)})
-    flight = prepared(race)
-    wrong = dataclasses.replace(flight, plan=plan(race.course, flight.plan.cruise, chosen))
+    stage_problem = prepared(race)
+    wrong = dataclasses.replace(stage_problem, plan=plan(race.course, stage_problem.plan.cruise, chosen))
     with open_session() as session:
         base = solve_coarse(session.service, planned_guess(wrong, wrong.plan, InitialBarrier.COLD))
     assert base is not None
@@ -230,9 +230,9 @@ def test_errors_of_integration_on_a_coarse_mesh_become_seconds(monkeypatch: pyte
     """Corrected, a race time is nearer to that of the same mesh where intervals are integrated more finely."""
     coarsen(monkeypatch)
     monkeypatch.setattr(coarse_solution, "MESHES_MAX", 1)
-    flight = prepared(DIVING_EIGHT)
+    stage_problem = prepared(DIVING_EIGHT)
     with open_session() as session:
-        coarse = solve_coarse(session.service, planned_guess(flight, flight.plan, InitialBarrier.COLD))
+        coarse = solve_coarse(session.service, planned_guess(stage_problem, stage_problem.plan, InitialBarrier.COLD))
         assert coarse is not None
         scheme = dataclasses.replace(coarse.problem.scheme, steps=4 * coarse.problem.scheme.steps)
         finer = dataclasses.replace(coarse.problem, scheme=scheme)
@@ -254,8 +254,8 @@ def test_large_errors_count_against_a_flight_whatever_their_sign(error: float) -
 
 def test_mesh_with_large_errors_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     coarsen(monkeypatch)
-    flight = prepared(DIVING_EIGHT)
-    first = planned_guess(flight, flight.plan, InitialBarrier.COLD)
+    stage_problem = prepared(DIVING_EIGHT)
+    first = planned_guess(stage_problem, stage_problem.plan, InitialBarrier.COLD)
     with open_session() as session:
         found = solve_coarse(session.service, first)
     assert found is not None
@@ -274,11 +274,11 @@ def test_intervals_grow_with_the_duration_in_steps_up_to_a_limit() -> None:
 
 
 def test_slower_plan_has_no_more_intervals_for_being_slow() -> None:
-    flight = prepared(SMALL)
-    slow = Radius(0.5, slower=True).scale(flight.plan.cruise)
-    slower = planned_guess(flight, plan(SMALL.course, slow), InitialBarrier.COLD)
-    own = planned_guess(flight, flight.plan, InitialBarrier.COLD)
-    assert slower.flight.plan.cruise.V < flight.plan.cruise.V
+    stage_problem = prepared(SMALL)
+    slow = Radius(0.5, slower=True).scale(stage_problem.plan.cruise)
+    slower = planned_guess(stage_problem, plan(SMALL.course, slow), InitialBarrier.COLD)
+    own = planned_guess(stage_problem, stage_problem.plan, InitialBarrier.COLD)
+    assert slower.stage_problem.plan.cruise.V < stage_problem.plan.cruise.V
     assert sum(map(len, slower.mesh)) <= sum(map(len, own.mesh))
 
 
@@ -302,8 +302,8 @@ class Hanging(SolverService):
 
 
 def test_start_on_which_the_solver_hangs_is_lost_and_nothing_else() -> None:
-    flight = prepared(SMALL)
-    assert solve_coarse(Hanging(), planned_guess(flight, flight.plan, InitialBarrier.COLD)) is None
+    stage_problem = prepared(SMALL)
+    assert solve_coarse(Hanging(), planned_guess(stage_problem, stage_problem.plan, InitialBarrier.COLD)) is None
 
 
 @pytest.mark.parametrize("finer", [False, True])
@@ -312,7 +312,7 @@ def test_coarse_solution_from_an_optimum_stays_there_on_a_coarse_mesh(finer: boo
     rough = planned_coarse_solution(SMALL)
     counts = [(2 if finer else 1) * len(phase) for phase in rough.problem.mesh]
     mesh, start = resample(rough.problem.mesh, rough.iterate, counts)
-    begun = InitialGuess(rough.flight, mesh, start, InitialBarrier.COARSE, is_baseline=finer)
+    begun = InitialGuess(rough.stage_problem, mesh, start, InitialBarrier.COARSE, is_baseline=finer)
     with open_session() as session:
         found = solve_coarse(session.service, begun)
     assert found is not None
@@ -404,8 +404,9 @@ def with_state(found: CoarseSolution, state: np.ndarray) -> CoarseSolution:
 def level_turn() -> CoarseSolution:
     """The planned, level flight of the wound race, unsolved."""
     found = planned_coarse_solution(SLALOM)
-    flight = prepared(SLALOM)
-    return dataclasses.replace(found, flight=flight, iterate=guess(flight.plan, found.problem.mesh))
+    stage_problem = prepared(SLALOM)
+    iterate = guess(stage_problem.plan, found.problem.mesh)
+    return dataclasses.replace(found, stage_problem=stage_problem, iterate=iterate)
 
 
 def test_tilted_turn_keeps_its_ends_durations_and_mesh_and_leads_the_higher_the_steeper_it_is() -> None:

@@ -113,7 +113,7 @@ def test_a_flight_that_begins_or_ends_in_a_pull_down_has_windows_for_its_rolls(n
 
 
 def rolls(base: CoarseSolution, race: Race) -> list[Move]:
-    generator = MoveGenerator(base, race.course, QUICK.planning_radius.scale(base.flight.plan.cruise))
+    generator = MoveGenerator(base, race.course, QUICK.planning_radius.scale(base.stage_problem.plan.cruise))
     return list(generator.rolls(set(range(len(base.problem.phases)))))
 
 
