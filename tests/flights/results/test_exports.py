@@ -487,7 +487,7 @@ def test_the_command_writes_a_course_without_an_origin_where_it_is_asked_to(tmp_
     code, said = run("kml", str(stored), "--output", str(output))
     assert code == 2
     assert said == (
-        "airrace: the course of run has no origin on the globe; say where it lies with --origin LAT,LON,ELEV\n"
+        "airrace: the course of run.h5 has no origin on the globe; say where it lies with --origin LAT,LON,ELEV\n"
     )
     assert not output.exists()
     assert run("kml", str(stored), "--output", str(output), "--origin", "48,11,500", "--rate", "5") == (0, "")
