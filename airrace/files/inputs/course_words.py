@@ -83,6 +83,37 @@ _RIGHT = "right r rechts rechte rechter rechtes re droite droit derecha derecho 
 SIDES = {**dict.fromkeys(_LEFT.split(), "l"), **dict.fromkeys(_RIGHT.split(), "r")}
 """Words that name one of the two pylons of a gate."""
 
+POSITIONS = frozenset(
+    [
+        "north",
+        "south",
+        "east",
+        "west",
+        "nord",
+        "sud",
+        "ost",
+        "est",
+        "ovest",
+        "ouest",
+        "norte",
+        "sur",
+        "este",
+        "oeste",
+        "inner",
+        "outer",
+        "inside",
+        "outside",
+        "innen",
+        "aussen",
+        "interieur",
+        "exterieur",
+        "interno",
+        "esterno",
+        "interior",
+        "exterior",
+    ]
+)
+"""Words that tell the pylons of one gate apart, but not which is the left one."""
 _SIDE = re.compile(rf"[ _-]*(?<![^\W\d_])({'|'.join(SIDES)})(?![^\W\d_])", re.IGNORECASE)
 
 UNIT = r"(m|ft|foot|feet|met(?:re|er)s?|meter|metres?|metr[oi]s?|fuss|pieds?|piedi|pies)\b"
@@ -116,7 +147,8 @@ def subject_in(text: str) -> Subject | None:
 
 def is_label(name: str) -> bool:
     """Return whether a name is one of an element by its number or letter alone."""
-    return bool(_LABEL.fullmatch(" ".join(word for word in words_of(name) if word not in SIDES)))
+    words = [word for word in words_of(name) if word not in SIDES and word not in POSITIONS]
+    return bool(_LABEL.fullmatch(" ".join(words)))
 
 
 def has_word(name: str, words: str) -> bool:
