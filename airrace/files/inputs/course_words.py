@@ -83,36 +83,9 @@ _RIGHT = "right r rechts rechte rechter rechtes re droite droit derecha derecho 
 SIDES = {**dict.fromkeys(_LEFT.split(), "l"), **dict.fromkeys(_RIGHT.split(), "r")}
 """Words that name one of the two pylons of a gate."""
 
-POSITIONS = frozenset(
-    [
-        "north",
-        "south",
-        "east",
-        "west",
-        "nord",
-        "sud",
-        "ost",
-        "est",
-        "ovest",
-        "ouest",
-        "norte",
-        "sur",
-        "este",
-        "oeste",
-        "inner",
-        "outer",
-        "inside",
-        "outside",
-        "innen",
-        "aussen",
-        "interieur",
-        "exterieur",
-        "interno",
-        "esterno",
-        "interior",
-        "exterior",
-    ]
-)
+_COMPASS = "north south east west nord sud ost est ovest ouest norte sur este oeste"
+_BOUNDS = "inner outer inside outside innen aussen interieur exterieur interno esterno interior exterior"
+POSITIONS = {*_COMPASS.split(), *_BOUNDS.split()}
 """Words that tell the pylons of one gate apart, but not which is the left one."""
 _SIDE = re.compile(rf"[ _-]*(?<![^\W\d_])({'|'.join(SIDES)})(?![^\W\d_])", re.IGNORECASE)
 

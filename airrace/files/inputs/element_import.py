@@ -324,7 +324,8 @@ class ElementImport:
             self.sketch.guess_part(names, f"{len(group)} points", what, reason)
 
     def _take_line(self, mark: Placemark) -> None:
-        width, is_named = distance(self.sketch.points(mark.places)), mark.subject is Subject.ELEMENT
+        ends = mark.places[0], mark.places[-1]
+        width, is_named = distance(self.sketch.points(ends)), mark.subject is Subject.ELEMENT
         if len(mark.places) > 2 and not is_named:
             reason = "a gate is a line from pylon to pylon, and no word of its name marks it as anything else"
             self.sketch.drop(mark, reason)
@@ -332,7 +333,7 @@ class ElementImport:
             reason = f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m"
             self.sketch.drop(mark, reason)
         else:
-            self._add(mark, (mark.places[0], mark.places[-1]))
+            self._add(mark, ends)
             if len(mark.places) > 2:
                 self.sketch.guess(mark, "a gate between its ends", "a gate has two pylons")
             elif mark.name and not is_named:

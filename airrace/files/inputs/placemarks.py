@@ -331,8 +331,9 @@ def _joined(marks: Sequence[Placemark], subjects: Sequence[Subject]) -> Iterator
     """Yield the placemarks, with points of one thing joined: their names differ in the last number."""
     corners: dict[tuple[Subject, str], list[Placemark]] = {}
     for mark in marks:
-        if mark.shape is PlacemarkShape.POINT and mark.subject in subjects:
-            corners.setdefault((mark.subject, _unnumbered(mark.name)), []).append(mark)
+        subject = mark.subject
+        if mark.shape is PlacemarkShape.POINT and subject is not None and subject in subjects:
+            corners.setdefault((subject, _unnumbered(mark.name)), []).append(mark)
     joined = {id(mark): group for group in corners.values() if len(group) > 1 for mark in group}
     for mark in marks:
         group = joined.get(id(mark), [mark])

@@ -56,7 +56,19 @@ def names(course: Course) -> list[str]:
     return [passage.element.name for passage in course.passages]
 
 
-KEYS = ("start", "gate", "left", "right", "knife", "pylon", "finish", "crowd", "line", "tower", "space")
+KEYS: tuple[str, ...] = (
+    "start",
+    "gate",
+    "left",
+    "right",
+    "knife",
+    "pylon",
+    "finish",
+    "crowd",
+    "line",
+    "tower",
+    "space",
+)
 LANGUAGES = {
     "English": "Start/Gate/left/right/knife edge/Pylon/Finish/Spectators/Safety line/Radio tower 45 m/Airspace",
     "German": "Start/Tor/links/rechts/Messerflug/Pylon/Ziel/Zuschauer/Sicherheitslinie/Fernsehturm 45 m/Luftraum",
