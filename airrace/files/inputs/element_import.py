@@ -183,7 +183,9 @@ class SketchedOrder:
         (before, after), pylon = self._neighbours(position), self.elements[position].middle
         turn = self._turn(position)
         if position in self._sides:
-            side = _azimuth_deg(before, after) + 90.0 * self._sides[position]
+            # a turn behind the slalom does not belong to it
+            bend = min(max(turn, -SLALOM_TURN_MAX), SLALOM_TURN_MAX)
+            side = _azimuth_deg(before, pylon) + 0.5 * math.degrees(bend) + 90.0 * self._sides[position]
             reason = "pylons of a slalom are passed on alternate sides"
             if not any(self.elements[pylon_position].has(SLALOM) for pylon_position in self._sides):
                 reason = "pylons of a straight row are passed in turns"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.files.export.globe import printable
-from airrace.files.inputs.course_words import Subject, plain_text
+from airrace.files.inputs.course_words import Subject, plain_text, subject_in
 from airrace.files.inputs.placemarks import HOLE, Placemark, PlacemarkShape
 from airrace.model.track.course import Origin, geodetic, metres
 from airrace.model.track.polygons import Point
@@ -48,7 +48,7 @@ class ImportSketch:
     def __init__(self, origin: Origin) -> None:
         self.origin = origin
         self.remarks: list[ImportRemark] = []
-        self._people: list[ImportRemark] = []  # left out, though people or safety lines
+        self._people: list[ImportRemark] = []  # left out, though people, safety lines, or lines that may be either
         self._unknown: list[ImportRemark] = []  # left out, whatever they are
         self._names: set[str] = set()
 
@@ -63,13 +63,18 @@ class ImportSketch:
     def drop(self, mark: Placemark, reason: str) -> None:
         """Remark on a placemark that is left out."""
         self.guess(mark, "", reason)
-        if mark.subject in (Subject.CROWD, Subject.SAFETY_LINE) and mark.hint != HOLE:
+        subject = mark.subject
+        if mark.shape is PlacemarkShape.LINE and subject is Subject.ELEMENT:
+            subject = mark.hinted_subject or subject_in(mark.name)  # a number as a name is any line's
+        if subject in (Subject.CROWD, Subject.SAFETY_LINE) and mark.hint != HOLE:
             self._people.append(self.remarks[-1])
-        elif mark.subject is None and mark.shape is not PlacemarkShape.OTHER:
+        elif subject is None and mark.shape is PlacemarkShape.LINE:
+            self._people.append(self.remarks[-1])  # what else is drawn as a long line
+        elif subject is None and mark.shape is not PlacemarkShape.OTHER:
             self._unknown.append(self.remarks[-1])
 
     def lost(self, *, has_people: bool) -> tuple[ImportRemark, ...]:
-        """Return what is left out and keeps aircraft from people, or may do so where the course holds no people."""
+        """Return what is left out and may keep aircraft from people; points only where the course holds no people."""
         return (*self._people, *(() if has_people else self._unknown))
 
     def key(self, name: str) -> str:

@@ -280,7 +280,10 @@ def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
                 yield from placemarks(element, PlacemarkShape.LINE, points)
         elif element.tag == "trk":
             for segment in element.iter("trkseg"):
-                yield from placemarks(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
+                points = list(segment.iter("trkpt"))
+                is_flight = any(point.find("time") is not None for point in points)
+                for mark in placemarks(element, PlacemarkShape.LINE, points):
+                    yield replace(mark, stated=Subject.FLIGHT) if is_flight and mark.subject is None else mark
 
 
 # OpenAir and SeeYou CUP

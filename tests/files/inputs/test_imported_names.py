@@ -235,6 +235,28 @@ def test_what_is_left_out_needs_no_yes_where_the_course_holds_its_people(tmp_pat
     marks = [gate("Start", 0.0), gate("Gate 2", 500.0), mark("Public", [(300.0, 0.0)]), mark("Rescue", [(0.0, 250.0)])]
     written, _ = sketch(tmp_path, *marks)
     assert [remark.name for remark in written.remarks if not remark.taken_as] == ["Rescue"]
+    with pytest.raises(InputError, match="'150 m', a line of 2 places, would be left out"):
+        sketch(tmp_path, *marks, mark("150 m", [(200.0, 0.0), (200.0, 900.0)]))
+
+
+def test_a_turn_behind_a_slalom_turns_no_side_of_it(tmp_path: Path) -> None:
+    row = [mark(f"Slalom {number}", [(0.0, 200.0 * number)]) for number in (2, 3, 4)]
+    _, course = sketch(tmp_path, gate("Start / Ziel", 0.0), *row)
+    pylons = [passage.element for passage in course.passages if isinstance(passage.element, Pylon)]
+    assert [math.sin(pylon.side) for pylon in pylons] == pytest.approx([1.0, -1.0, 1.0], abs=0.1)
+
+
+def test_a_recorded_track_is_a_flight_and_a_drawn_one_is_not(tmp_path: Path) -> None:
+    pylons = "".join(f'<wpt lat="{45.0 + 0.005 * n}" lon="13"><name>Pylon {n}</name></wpt>' for n in range(3))
+    track = "<trk><name>G-RACE</name><trkseg>{}</trkseg></trk>"
+    places = "".join(f'<trkpt lat="{45.0 + 0.001 * n}" lon="13.01">{{}}</trkpt>' for n in range(9))
+    flown = places.replace("{}", "<time>2027-05-01T10:00:00Z</time>")
+    path = _file(tmp_path / "flown.gpx", f"<gpx>{pylons}{track.format(flown)}</gpx>".encode())
+    written = begin_course(tmp_path / "sketched", from_=path)
+    assert ("G-RACE", "it belongs to a flight") in [(remark.name, remark.reason) for remark in written.remarks]
+    drawn = _file(tmp_path / "drawn.gpx", f"<gpx>{pylons}{track.format(places.replace('{}', ''))}</gpx>".encode())
+    with pytest.raises(InputError, match="'G-RACE', a line of 9 places, would be left out"):
+        begin_course(tmp_path / "sketched", from_=drawn, force=True)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
