@@ -41,7 +41,8 @@ def dialect_of(headers: Sequence[str]) -> Dialect | None:
 
 def _read_dialects() -> tuple[Dialect, ...]:
     dialects: list[Dialect] = []
-    for name, entries in tomllib.loads(files("airrace.flights.logs").joinpath("dialects.toml").read_text("utf-8")).items():
+    text = files("airrace.flights.logs").joinpath("dialects.toml").read_text("utf-8")
+    for name, entries in tomllib.loads(text).items():
         headers, source, instance = entries.pop("headers"), entries.pop("source"), entries.pop("instance", "")
         columns = {quantity: [_split(text) for text in texts] for quantity, texts in entries.items()}
         dialects.append(Dialect(name, frozenset(headers), columns, source, instance))
