@@ -66,7 +66,8 @@ def begin_course(
         Option("Copy this course, a file or the name of a shipped one.", "TRACK", completion="tracks"),
     ] = None,
     from_: Annotated[
-        str | Path | None, Option("Sketch the course from placemarks: KML, KMZ, GPX or GeoJSON, in race order.", "FILE")
+        str | Path | None,
+        Option("Sketch the course from KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP, in race order.", "FILE"),
     ] = None,
     force: options.Force = False,
 ) -> "CourseFile":

@@ -166,7 +166,8 @@ def compare(
     for path in drawings:
         ensure_drawable(path)
     ensure_free(*drawings, force=force, sources=flights)
-    reference, *more_flights = open_flights(flights, stage=options.stage_text(stage), verify=verify)
+    stage_name = options.stage_text(stage)
+    reference, *more_flights = open_flights(flights, stage=stage_name, verify=verify, comparable=True)
     comparisons = [compare_flights(reference, flight) for flight in more_flights]
     if drawings:
         from airrace.pages.views.flight_figures import comparison_figure, loss_figure

@@ -13,7 +13,7 @@ from airrace.flights.results.clearances import Clearance
 from airrace.flights.results.flight import passings_around
 from airrace.model.track.course import CrowdShape, PilotLimits, StartSpeed
 from airrace.model.track.polygons import area, edges
-from airrace.optimal_control.quantities import KNOT, Interval
+from airrace.optimal_control.quantities import KNOT, Interval, plain_number
 from airrace.pages.views.course_page import passages_table
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.planning.lint import Remark
@@ -111,7 +111,7 @@ def _surroundings(race: Race) -> Iterator[list[str]]:
     for crowd in race.course.crowd:
         places = [(corner.north, corner.east) for corner in crowd.corners]
         if crowd.shape is CrowdShape.AREA:
-            shape = f"within {abs(area(crowd.corners)) / 1e4:.3g} ha about"
+            shape = f"within {plain_number(abs(area(crowd.corners)) / 1e4)} ha about"
         elif crowd.shape is CrowdShape.LINE:
             shape = f"along {sum(itertools.starmap(math.dist, itertools.pairwise(places))):.0f} m about"
         else:
@@ -133,7 +133,8 @@ def _surroundings(race: Race) -> Iterator[list[str]]:
     corners = race.course.airspace
     if corners:
         around = sum(math.hypot(a.north - b.north, a.east - b.east) for a, b in edges(corners, closed=True))
-        size = f"{len(corners)} corners, {abs(area(corners)) / 1e6:.3g} km2, {around / 1e3:.3g} km around"
+        inside, border = plain_number(abs(area(corners)) / 1e6), plain_number(around / 1e3)
+        size = f"{len(corners)} corners, {inside} km2, {border} km around"
         yield ["airspace", "its border", size, "0 m"]
 
 
@@ -147,10 +148,10 @@ def _range(interval: Interval, unit: str) -> str:
     if not interval.constrained:
         return "free"
     if not math.isfinite(lower):
-        return f"up to {upper:.4g} {unit}"
+        return f"up to {plain_number(upper, 4)} {unit}"
     if not math.isfinite(upper):
-        return f"at least {lower:.4g} {unit}"
-    return f"{lower:.4g} to {upper:.4g} {unit}"
+        return f"at least {plain_number(lower, 4)} {unit}"
+    return f"{plain_number(lower, 4)} to {plain_number(upper, 4)} {unit}"
 
 
 _PLANNED = (

@@ -15,6 +15,7 @@ numbers or whole histories (one numpy row per quantity):
 import dataclasses
 import math
 from collections.abc import Sequence
+from decimal import Decimal
 from typing import Any, Generic, Self, TypeVar, dataclass_transform
 
 T = TypeVar("T")
@@ -84,6 +85,16 @@ class Interval:
     @property
     def empty(self) -> bool:
         return self.lower > self.upper
+
+
+def plain_number(value: float, digits: int = 3) -> str:
+    """Return a number to so many significant digits, never with an exponent.
+
+    Examples:
+        >>> plain_number(187.3, 2), plain_number(0.00002512), plain_number(9.0)
+        ('190', '0.0000251', '9')
+    """
+    return format(Decimal(f"{value:.{digits}g}"), "f")
 
 
 def quantity(

@@ -138,9 +138,9 @@ def init(
     Args:
         name: the name of the new file; `.yaml` is added where it is missing.
         like: a shipped course, or a file, to be copied; None for a short course with a comment on every part.
-        from_: a file of placemarks (KML, KMZ, GPX or GeoJSON) from which the course is sketched; None for none. The
-            last lines of the file tell its guesses, what is not taken over, and what is to be put right before the
-            course can be flown.
+        from_: a file of placemarks (KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP) from which the course is sketched;
+            None for none. The last lines of the file tell its guesses, what is not taken over, and what is to be put
+            right before the course can be flown.
         force: whether existing files are overwritten. A schema that is already what it should be is none of them.
 
     Returns:

@@ -31,40 +31,48 @@ if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
 
 
-def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
+def open_flights(
+    texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None, comparable: bool = False
+) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
-    Labels are as short as tells the flights apart: the name of the file, with the stage where one file gives several
-    flights or a stage was named. A log that is not imported yet is aligned with the course of the first file that has
-    one.
+    Labels are the names of the files as they are given, with the stage where one was named or the flights are of
+    several ones; with their folders where that tells them apart, and with a number where one is given twice. A log
+    that is not imported yet is aligned with the course of the first file that has one.
 
     Args:
         texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
         stage: for runs whose names say none; None for their last ones.
         verify: whether stages of runs are measured again, and imported logs made once more; None where that is no
             question.
+        comparable: whether they must be of courses with the same passings, which is found out before all else.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts its inputs, or a log is not valid.
-        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
+        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log, or flights
+            that must be comparable are not.
     """
-    return _open_with_files(texts, stage, verify)[1]
+    return _open_with_files(texts, stage, verify, comparable=comparable)[1]
 
 
 def _open_with_files(
-    texts: Sequence[str], stage: str | None, verify: bool | None
+    texts: Sequence[str], stage: str | None, verify: bool | None, *, comparable: bool = False
 ) -> tuple[dict[Path, RunState | LogView], list[Flight]]:
     """Return the files by their paths beside the flights of `open_flights`."""
     names = [FlightName.of(text) for text in texts]
     opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
+    if comparable:
+        courses = [
+            (text, opened[name.path].inputs.race.course)
+            for text, name in zip(texts, names, strict=True)
+            if name.path in opened
+        ]
+        for named_course in courses[1:]:
+            ensure_comparable(courses[0], named_course)
     sources = [_source(name, opened, stage) for name in names]
-    labels = _labels(names, sources)
+    labels = _labels(texts, names, sources)
     if verify is not None:
-        if len(sources) > 1:  # before anything is measured, which takes seconds
-            ensure_comparable(
-                [(label, source.inputs.race.course) for label, source in zip(labels, sources, strict=True)]
-            )
         from airrace.runs.verification import with_verification, with_verifications  # loads the solver
 
         for path, run_or_log in opened.items():
@@ -134,21 +142,22 @@ def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: 
     return fly_log_through(name.path, next(iter(opened.values())).inputs)
 
 
-def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
-    """Return unique labels: the file as it was named, without its folder and with the stage where that tells flights
-    apart, at last a number."""
+def _labels(texts: Sequence[str], names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
+    """Return unique labels: the file's name as given, without its folder where that tells no two apart."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
-    files = [Path(name_of(name.path)).name for name in names]
-    short = [
-        f"{file}:{stage}" if stage and (several or name.stage) else file
-        for name, file, stage in zip(names, files, stages, strict=True)
+    endings = [
+        f":{name.stage or stage}" if name.stage or (several and stage) else ""
+        for name, stage in zip(names, stages, strict=True)
     ]
-    if len(set(short)) < len(short):
-        short = [f"{name.path}:{stage}" if stage else f"{name.path}" for name, stage in zip(names, stages, strict=True)]
-    if len(set(short)) < len(short):
-        short = [f"{label} ({number})" for number, label in enumerate(short, start=1)]
-    return short
+    labels = [f"{Path(name_of(name.path)).name}{ending}" for name, ending in zip(names, endings, strict=True)]
+    if len(set(labels)) < len(labels):
+        labels = [
+            text if name.stage else f"{text}{ending}" for text, name, ending in zip(texts, names, endings, strict=True)
+        ]
+    if len(set(labels)) < len(labels):
+        labels = [f"{label} ({number})" for number, label in enumerate(labels, start=1)]
+    return labels
 
 
 def write_flights(

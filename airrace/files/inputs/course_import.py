@@ -19,11 +19,20 @@ import yaml
 
 from airrace.files.export.globe import printable
 from airrace.files.inputs.nodes import CORNERS_MAX, CROWDS_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX
-from airrace.files.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, split_words, words_of
+from airrace.files.inputs.placemarks import (
+    FINISH,
+    KNIFE,
+    SIDES,
+    Placemark,
+    PlacemarkShape,
+    Subject,
+    split_words,
+    words_of,
+)
 from airrace.files.inputs.surroundings import BOX_MAX, OBSTACLE_HEIGHT_MAX
 from airrace.flights.logs.recording import refuse
 from airrace.model.track import polygons
-from airrace.model.track.course import Origin, metres
+from airrace.model.track.course import Origin, geodetic, metres
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.quantities import FOOT
 
@@ -39,7 +48,11 @@ OBSTACLE_HEIGHT = 50.0
 OBSTACLE_HEIGHT_MIN = 0.1
 """The least height of an obstacle, m; one of 0 m is none."""
 HEIGHT = re.compile(r"(\d+(?:[.,]\d+)?) ?(m|ft|feet|metres?|meters?)\b", re.IGNORECASE)
-SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
+SIDE = re.compile(rf"[ _-]*(?<![a-z])({'|'.join(SIDES)})(?![a-z])", re.IGNORECASE)
+FIRST_GATES = 300.0, 7.0
+"""The distances of the gates of an airspace alone from its middle, and of their pylons from theirs, m."""
+STRAIGHT_ROW = 0.02
+"""The share of the way from the element before to the one behind by which a pylon is aside at a turn at least."""
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
 # the order and its laps, which way gates are passed and on which side pylons are passed, the rules, the aircraft,
@@ -87,12 +100,14 @@ class _SketchedElement:
     Attributes:
         places, points: of its pylons, one or two: latitude and longitude, degrees, and metres.
         sided: whether the names of its pylons say left and right.
+        words: of its name, in small letters.
     """
 
     name: str
     places: tuple[tuple[float, float], ...]
     points: tuple[Point, ...]
     sided: bool = False
+    words: str = ""
 
     @property
     def middle(self) -> Point:
@@ -112,8 +127,12 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
         InputError: they hold no two elements.
     """
     latitude, longitude = next(mark.places[0] for mark in marks if mark.places)
+    elevation = next((mark.elevation for mark in marks if math.isfinite(mark.elevation)), None)
     sketch = _Sketch(Origin(math.radians(latitude), math.radians(longitude)))
     surroundings = sketch.take_elements(marks)
+    if not sketch.elements:
+        sketch.place_first_gates(surroundings)
+    sketch.guess_elevation(elevation)
     if len(sketch.elements) < 2:
         refuse(path, 0, "holds no two gates or pylons: expected points, or lines from pylon to pylon")
     for mark in sorted(surroundings, key=lambda mark: mark.named_subject is not Subject.AIRSPACE):
@@ -123,14 +142,14 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
         "schema": "airrace/track/2",
         "name": printable(title)[:NAME_MAX],
         "aircraft": "edge540",
-        "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": 0},
+        "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": round(elevation or 0.0, 1)},
         "rules": {"n_z_max": 10, "floor_m": 10, "start_speed_max_kt": 200},
         "gates": {element.name: sketch.element(index) for index, element in enumerate(elements)},
         "safety_lines": sketch.lines,
         "crowd": sketch.crowd,
         "obstacles": sketch.obstacles,
         "airspace": sketch.airspace,
-        "course": {"start": elements[0].name, "lap": lap},
+        "course": {"start": elements[0].name, "lap": lap, **sketch.finish()},
     }
     track = {key: value for key, value in track.items() if value not in ({}, [])}
     text = yaml.safe_dump(track, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
@@ -205,23 +224,104 @@ class _Sketch:
 
     def _add(self, name: str, places: tuple[tuple[float, float], ...], *, sided: bool = False) -> None:
         key = _key(name or f"g{len(self.elements)}", self._names)
-        self.elements.append(_SketchedElement(key, places, self._points(places), sided))
+        self.elements.append(_SketchedElement(key, places, self._points(places), sided, " ".join(words_of(name))))
+
+    def place_first_gates(self, marks: Sequence[Placemark]) -> None:
+        """Place a start and a finish in the first airspace, along its longest side."""
+        area = next((mark for mark in marks if mark.subject is Subject.AIRSPACE and len(mark.places) > 2), None)
+        if area is None:
+            return
+        corners = self._points(area.places)
+        count = len(corners)
+        middle = Point(sum(corner.north for corner in corners) / count, sum(corner.east for corner in corners) / count)
+        begin, end = max(polygons.edges(corners, closed=True), key=_width)
+        length = _width((begin, end))
+        along = Point((end.north - begin.north) / length, (end.east - begin.east) / length)
+        (far, half), gates = FIRST_GATES, list[tuple[str, list[Point]]]()
+        for name, ahead in (("start", -far), ("finish", far)):
+            posts = [
+                Point(
+                    middle.north + ahead * along.north - aside * along.east,
+                    middle.east + ahead * along.east + aside * along.north,
+                )
+                for aside in (-half, half)
+            ]
+            gates.append((name, posts))
+        if not all(polygons.inside(post, corners) for _, posts in gates for post in posts):
+            return
+        for name, posts in gates:
+            self._add(name, self._geodetic(posts))
+        reason = "the file holds an airspace and no gate or pylon: move them, and add the others"
+        self.remarks.append(ImportRemark("start, finish", "two gates", "a course to begin with", reason))
+
+    def guess_elevation(self, stated: float | None) -> None:
+        """Report where the elevation of the origin comes from."""
+        taken = "0 m above the sea" if stated is None else f"{stated:.0f} m above the sea"
+        reason = "the file states no elevation" if stated is None else "the first placemark with an elevation is"
+        self.remarks.append(ImportRemark("origin", "the place of the first placemark", taken, reason))
+
+    def finish(self) -> Mapping[str, object]:
+        """Return the key of the finish where the start is also that by its name."""
+        first = self.elements[0]
+        if not re.search(rf"\bstart\b.*\b({FINISH})\b", first.words):
+            return {}
+        self.remarks.append(ImportRemark(first.name, "a gate", "start and finish", "its name says both"))
+        return {"finish": first.name}
 
     def element(self, index: int) -> Mapping[str, object]:
         """Return the keys of an element."""
-        element, last = self.elements[index], len(self.elements) - 1
-        before, after = self.elements[max(index - 1, 0)].middle, self.elements[min(index + 1, last)].middle
+        element = self.elements[index]
+        before, after = self._neighbours(index)
         way = Point(after.north - before.north, after.east - before.east)
         if len(element.points) == 1:
-            side = _outside(before, element.middle, after, way)
-            return {"type": "pylon", **_degrees(element.places)[0], "pass_side_deg": side}
+            return {"type": "pylon", **_degrees(element.places)[0], "pass_side_deg": self._pass_side(index)}
         left, right = element.points
         # the axis is a quarter turn to the left of the way from the left pylon to the right one
         forward = (right.east - left.east) * way.north - (right.north - left.north) * way.east
         if element.sided and forward < 0.0:
             reason = "the way leads through it with its left pylon on the right"
             self.remarks.append(ImportRemark(element.name, "two points", "a gate", reason))
-        return {"type": "level", "pylons": _degrees(element.places if forward >= 0.0 else element.places[::-1])}
+        kind = "knife-edge" if re.search(rf"\b({KNIFE})\b", element.words) else "level"
+        return {"type": kind, "pylons": _degrees(element.places if forward >= 0.0 else element.places[::-1])}
+
+    def _pass_side(self, index: int) -> int:
+        """Return the azimuth at which a pylon is passed, deg: on the outside of the turn, along its bisector.
+
+        In a straight row it is square to the way, on the other side than that of the pylon before, as in a slalom.
+        """
+        (before, after), pylon = self._neighbours(index), self.elements[index].middle
+        aside, _ = self._aside(index)
+        if aside:
+            near, far = _width((before, pylon)), _width((pylon, after))
+            north = (pylon.north - before.north) / near + (pylon.north - after.north) / far
+            east = (pylon.east - before.east) / near + (pylon.east - after.east) / far
+            side = round(math.degrees(math.atan2(east, north))) % 360
+        else:
+            azimuth = math.degrees(math.atan2(after.east - before.east, after.north - before.north))
+            side = round(azimuth + (90.0 if self._is_passed_right(index) else -90.0)) % 360
+        reason = "that is the outside of the turn" if aside else "pylons of a straight row are passed in turns"
+        name = self.elements[index].name
+        self.remarks.append(ImportRemark(name, "a point", f"passed on its side at {side} deg", reason))
+        return side
+
+    def _is_passed_right(self, index: int) -> bool:
+        """Return whether a pylon is passed on the right of the way."""
+        aside, to_right = self._aside(index)
+        if aside or index == 0 or len(self.elements[index - 1].points) > 1:
+            return to_right or not aside
+        return not self._is_passed_right(index - 1)
+
+    def _aside(self, index: int) -> tuple[bool, bool]:
+        """Return whether a pylon stands beside the way between its neighbours, and whether to its right."""
+        (before, after), pylon = self._neighbours(index), self.elements[index].middle
+        length = _width((before, after))
+        across = polygons.to_right(before, after, pylon) if length > 0.0 else 0.0
+        return abs(across) >= STRAIGHT_ROW * length and across != 0.0, across > 0.0
+
+    def _neighbours(self, index: int) -> tuple[Point, Point]:
+        """Return the middles of the elements before and behind one, itself where there is none."""
+        last = len(self.elements) - 1
+        return self.elements[max(index - 1, 0)].middle, self.elements[min(index + 1, last)].middle
 
     def passings(self) -> list[object]:
         """Return the elements after the start with the safety lines that do not hold everywhere."""
@@ -302,6 +402,9 @@ class _Sketch:
             self._drop(mark, "a course has one airspace, and another one is taken over")
             return
         self.airspace = _degrees(mark.places)
+        if mark.stated is Subject.AIRSPACE and mark.note:
+            reason = f"its heights, {mark.note}, are not those of the race: `floor_m` and `ceiling_m` of `rules` are"
+            self._guess(mark, "the border of the airspace", reason)
         if mark.shape is PlacemarkShape.LINE:
             self._guess(mark, "the border of the airspace", "it is not closed")
         elif mark.named_subject is not Subject.AIRSPACE:
@@ -348,6 +451,12 @@ class _Sketch:
         if total > most:
             self._drop(mark, f"a course has room for {most} {what}, and with it there were {total}")
         return total <= most
+
+    def _geodetic(self, points: Sequence[Point]) -> tuple[tuple[float, float], ...]:
+        """Return latitude and longitude of points, degrees."""
+        north, east = np.array([point.north for point in points]), np.array([point.east for point in points])
+        latitude, longitude = (np.degrees(angles).tolist() for angles in geodetic(north, east, self.origin))
+        return tuple(zip(latitude, longitude, strict=True))
 
     def _points(self, places: Sequence[tuple[float, float]]) -> tuple[Point, ...]:
         latitude, longitude = np.radians(np.array(places, np.float64)).T
@@ -407,15 +516,6 @@ def _form(mark: Placemark) -> str:
             return f"an area of {len(mark.places)} corners"
         case PlacemarkShape.OTHER:
             return "no point, line or area"
-
-
-def _outside(before: Point, pylon: Point, after: Point, way: Point) -> int:
-    """Return the azimuth away from the inside of the turn at a pylon, deg; to the right of a straight way."""
-    north = 2.0 * pylon.north - before.north - after.north
-    east = 2.0 * pylon.east - before.east - after.east
-    if math.hypot(north, east) < 0.02 * math.hypot(way.north, way.east):
-        north, east = -way.east, way.north
-    return round(math.degrees(math.atan2(east, north)) % 360.0)
 
 
 def _degrees(places: Sequence[tuple[float, float]]) -> list[dict[str, float]]:

@@ -1,4 +1,4 @@
-"""Placemarks of other programs: points, lines and areas with names, from KML, KMZ, GPX and GeoJSON.
+"""Placemarks of other programs: points, lines and areas with names, from KML, GPX, GeoJSON, OpenAir and SeeYou CUP.
 
 Parts of a geometry of several (`MultiGeometry`, `MultiPolygon`, ...) are placemarks of the same name; two points are a
 line. What has no geometry of these kinds, and the holes of areas, is returned as such, so that it can be reported.
@@ -10,7 +10,7 @@ import math
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from itertools import groupby
@@ -21,6 +21,9 @@ from xml.etree.ElementTree import Element
 from airrace.errors import Finding, InputError
 from airrace.files.inputs.document import read_content
 from airrace.files.inputs.nodes import PLACEMARKS_MAX, SIZE_MAX
+from airrace.files.inputs.openair import read_openair
+from airrace.files.inputs.seeyou import read_cup
+from airrace.flights.logs.foreign_formats import foreign_format, refuse_foreign
 from airrace.flights.logs.reading import DAMAGES, archive_entry
 from airrace.flights.logs.recording import refuse
 from airrace.flights.logs.xml_document import xml_tree
@@ -46,18 +49,32 @@ class Subject(Enum):
     FLIGHT = "flight"
 
 
+FINISH, KNIFE = "finish|ziel|arrivée|llegada|arrivo", "knife|messerflug|tranche"
+"""Words for the finish, and for gates that are passed with the wings upright."""
 WORDS = (
-    (Subject.OBSTACLE, "obstacles?|hazards?"),
-    (Subject.SAFETY_LINE, "(safety|dead|display|show|no fly) ?lines?|deadline"),
-    (Subject.CROWD, "crowds?|spectators?|public|audience|grandstands?"),
-    (Subject.AIRSPACE, "air ?space|(race|racing|display|flying|aerobatic) (area|box|zone)|boundary|border"),
-    (Subject.ELEMENT, "gates?|pylons?|start|finish|turn|chicane|quad|knife"),
+    (Subject.OBSTACLE, "obstacles?|hazards?|hindernis(se)?"),
+    (
+        Subject.SAFETY_LINE,
+        "(safety|dead|display|show|no fly) ?lines?|deadline|sicherheitslinien?|ligne de sécurité|linea di sicurezza",
+    ),
+    (Subject.CROWD, "crowds?|spectators?|public|audience|grandstands?|zuschauer\\w*|publikum|spectateurs|espectadores"),
+    (
+        Subject.AIRSPACE,
+        "air ?space|(race|racing|display|flying|aerobatic) (area|box|zone)|boundary|border|luftraum|renngebiet|grenze|"
+        "espace aérien",
+    ),
+    (Subject.ELEMENT, f"gates?|tore?|portes?|pylons?|pylone|start|{FINISH}|turn|wende|chicane|quad|{KNIFE}"),
     (
         Subject.OBSTACLE,
-        "masts?|cranes?|towers?|lighthouse|antennae?|chimneys?|power ?lines?|wires?|cables?|buildings?|bridge|"
-        "(wind )?turbines?|trees?|silos?|tanks?|stacks?|steeple|church",
+        "mast(s|en)?|cranes?|(bau)?kran|towers?|\\w*turm|lighthouse|phare|antennae?|antenne|chimneys?|schornstein|"
+        "power ?lines?|\\w*leitung|wires?|cables?|buildings?|gebäude|bridge|brücke|(wind )?turbines?|windrad|trees?|"
+        "bäume?|silos?|tanks?|stacks?|steeple|church|kirche|tour",
     ),
-    (Subject.CROWD, "people|stands?|visitors?|vip|beach|promenade|tribunes?|car park|parking|camp(ing|site)?"),
+    (
+        Subject.CROWD,
+        "people|stands?|visitors?|besucher|vip|beach|strand|promenade|tribunes?|tribünen?|car park|parking|parkplatz|"
+        "camp(ing|site)?",
+    ),
     (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
 )
 """The words that name the subject of a placemark, as regular expressions; the first line with a match decides."""
@@ -65,7 +82,15 @@ _PATTERNS = [(subject, re.compile(rf"\b({words})\b")) for subject, words in WORD
 _LABEL = re.compile(r"[a-z]{0,3} ?\d{1,3} ?[a-z]?|[a-z]")
 """Names of elements without a word: `g4`, `P 12`, `7`, `wp3a`, `c`."""
 
-SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
+FORMATS = "KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP"
+"""The formats of placemarks, for messages."""
+RESTRICTED = ("R", "P", "Q", "D", "W", "TRA", "TSA", "TFR", "UNC", "OTHER")
+"""The classes of airspace in OpenAir that may be set up for a race: restricted, prohibited, danger, temporary ones."""
+
+SIDES = {
+    **dict.fromkeys(("left", "l", "links", "gauche", "izquierda", "sinistra"), "l"),
+    **dict.fromkeys(("right", "r", "rechts", "droite", "derecha", "destra"), "r"),
+}
 """Words that name one of the two pylons of a gate."""
 
 
@@ -104,6 +129,8 @@ class Placemark:
         places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
         hint: words beside it that may say what it is: of attributes, its style, and its folders from the innermost.
         note: its description.
+        stated: its subject, where the format of the file says so.
+        elevation: of the ground there above the sea, m; NaN where it is not known.
     """
 
     name: str
@@ -111,10 +138,14 @@ class Placemark:
     places: tuple[tuple[float, float], ...] = ()
     hint: str = ""
     note: str = ""
+    stated: Subject | None = None
+    elevation: float = math.nan
 
     @cached_property
     def named_subject(self) -> Subject | None:
-        """The subject by the name alone; None where it names none."""
+        """The subject by the name alone, or as its format states it; None where neither does."""
+        if self.stated is not None:
+            return self.stated
         element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
         return subject_in(self.name) or (Subject.ELEMENT if element else None)
 
@@ -122,7 +153,11 @@ class Placemark:
     def subject(self) -> Subject | None:
         """The subject by a word of the name, else by the hint; a mere number as a name does not outweigh a flight."""
         hinted = subject_in(self.hint)
-        return subject_in(self.name) or (hinted if hinted is Subject.FLIGHT else self.named_subject or hinted)
+        return (
+            self.stated
+            or subject_in(self.name)
+            or (hinted if hinted is Subject.FLIGHT else self.named_subject or hinted)
+        )
 
 
 @dataclass(frozen=True)
@@ -162,7 +197,7 @@ class _Label:
 
 
 def read_placemarks(path: Path) -> list[Placemark]:
-    """Return the placemarks of a file, in its order: KML, KMZ, GPX (waypoints, routes, tracks) or GeoJSON.
+    """Return the placemarks of a file, in its order; of GPX waypoints, routes and tracks, of CUP its task first.
 
     Raises:
         InputError: there is no such file, it is damaged or too large, or it holds no placemarks.
@@ -177,9 +212,9 @@ def read_placemarks(path: Path) -> list[Placemark]:
         root = xml_tree(name, content)
         marks = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
     else:
-        marks = list(_of_geojson(name, content))
+        marks = list(_of_text(name, content))
     if all(mark.shape is PlacemarkShape.OTHER for mark in marks):
-        refuse(name, 0, "holds no placemarks; expected KML, KMZ, GPX or GeoJSON with points, lines or areas")
+        refuse(name, 0, f"holds no placemarks; expected {FORMATS} with points, lines or areas")
     if len(marks) > PLACEMARKS_MAX:
         refuse(name, 0, f"holds {len(marks)} placemarks; at most {PLACEMARKS_MAX} are read")
     return marks
@@ -258,6 +293,80 @@ def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
         elif element.tag == "trk":
             for segment in element.iter("trkseg"):
                 yield from placemarks(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
+
+
+# OpenAir and SeeYou CUP
+
+
+def _of_text(path: str, content: bytes) -> Iterator[Placemark]:
+    foreign = foreign_format(content[:4096])
+    if foreign is not None and not foreign.is_course:
+        refuse_foreign(path, foreign)
+    if foreign is None or foreign.name.startswith("GeoJSON"):
+        return _of_geojson(path, content)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")
+    if foreign.name.startswith("OpenAir"):
+        return _of_openair(path, text)
+    return _joined(list(_of_cup(path, text)))  # waypoints draw no lines but by their names
+
+
+def _of_openair(path: str, text: str) -> Iterator[Placemark]:
+    for airspace in read_openair(path, text):
+        name = _one_line(airspace.name or airspace.kind)
+        corners = [place for place, _ in groupby(airspace.corners)]
+        if len(corners) > 1 and corners[0] == corners[-1]:
+            corners.pop()
+        if airspace.kind.upper() not in RESTRICTED and subject_in(name) is not Subject.AIRSPACE:
+            yield Placemark(name, PlacemarkShape.OTHER, (), f"airspace of the class {airspace.kind[:20]}, no race area")
+        elif len(corners) < 3:
+            refuse(path, airspace.line, f"the airspace {name[:40]} has {len(corners)} corners; expected three at least")
+        else:
+            heights = f"{airspace.floor or 'no floor'} to {airspace.ceiling or 'no ceiling'}"
+            yield Placemark(name, PlacemarkShape.AREA, tuple(corners), note=heights, stated=Subject.AIRSPACE)
+
+
+def _of_cup(path: str, text: str) -> Iterator[Placemark]:
+    for waypoint in read_cup(path, text):
+        if waypoint.style in ("airfield", "outlanding"):
+            yield Placemark(waypoint.name, PlacemarkShape.OTHER, (), f"an {waypoint.style}")
+            continue
+        place = (waypoint.latitude, waypoint.longitude)
+        note, hint = _one_line(waypoint.note), waypoint.style
+        yield Placemark(waypoint.name, PlacemarkShape.POINT, (place,), hint, note, elevation=waypoint.elevation)
+
+
+def _joined(marks: Sequence[Placemark]) -> Iterator[Placemark]:
+    """Yield the placemarks, with points of one crowd, line or border as that: their names differ in the last number."""
+    corners: dict[tuple[Subject, str], list[Placemark]] = {}
+    for mark in marks:
+        if mark.shape is PlacemarkShape.POINT and mark.subject in (
+            Subject.CROWD,
+            Subject.SAFETY_LINE,
+            Subject.AIRSPACE,
+        ):
+            corners.setdefault((mark.subject, _unnumbered(mark.name)), []).append(mark)
+    joined = {id(mark): group for group in corners.values() if len(group) > 1 for mark in group}
+    for mark in marks:
+        group = joined.get(id(mark), [mark])
+        if len(group) == 1:
+            yield mark
+        elif group[0] is mark:
+            is_area = mark.subject is Subject.AIRSPACE and len(group) > 2
+            places = tuple(corner.places[0] for corner in group)
+            yield replace(
+                mark,
+                name=_unnumbered(mark.name),
+                shape=PlacemarkShape.AREA if is_area else PlacemarkShape.LINE,
+                places=places,
+                stated=mark.subject,
+            )
+
+
+def _unnumbered(name: str) -> str:
+    return re.sub(r"[\s_.-]*(\d+|\b[A-Za-z])$", "", name) or name
 
 
 # GeoJSON

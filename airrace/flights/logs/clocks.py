@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.logs.recording import count_of, refuse, resolution
+from airrace.optimal_control.quantities import plain_number
 from airrace.optimal_control.trajectory import Array
 
 DAY = 86400.0
@@ -204,11 +205,11 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
     likely = fitting[0]
     if unit:
         seconds = (time[-1] - time[0]) * TICKS[unit]
-        spans = f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{seconds:.3g} s"
+        spans = f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{plain_number(seconds)} s"
         refuse(
             path,
             0,
-            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {likely}? "
+            f"spans {spans} and moves at {plain_number(speed / TICKS[unit], 2)} m/s; are its times {likely}? "
             f"Then say --column 'time={column} [{likely}]'",
             column,
         )

@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from airrace.flights.logs.quality import VERTICAL_RATIO, ReceiverAccuracy
+from airrace.optimal_control.quantities import plain_number
 from airrace.optimal_control.trajectory import Array
 
 HEIGHT_OFFSET = 10.0
@@ -212,8 +213,8 @@ class CommonErrors:
         if abs(up) > OFFSET_REPORTED:
             side = "high" if up > 0.0 else "low"
             remarks.append(
-                f"almost all passings are about {abs(up):.2g} m too {side}: are heights in another unit, or of another "
-                "zero?"
+                f"almost all passings are about {plain_number(abs(up), 2)} m too {side}: are heights in another unit, "
+                "or of another zero?"
             )
         if math.hypot(north, east) > OFFSET_REPORTED:
             remarks.append(
@@ -337,4 +338,4 @@ def _direction(north: float, east: float) -> str:
     """Return a distance in words, `6 m to the east`."""
     names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
     toward = names[round(math.atan2(east, north) / (0.25 * math.pi)) % 8]
-    return f"{math.hypot(north, east):.2g} m to the {toward}"
+    return f"{plain_number(math.hypot(north, east), 2)} m to the {toward}"

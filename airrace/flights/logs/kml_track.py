@@ -17,7 +17,7 @@ from airrace.flights.logs.recording import Recording, SampleTable, refuse
 from airrace.flights.logs.xml_document import parse_xml
 
 _LEAVES = ("name", "when", "coord", "angles", "coordinates", "altitudeMode", "begin", "end")
-_COLUMNS = ("latitude", "longitude", "altitude", "psi", "theta", "phi")
+_COLUMNS: tuple[str, ...] = ("latitude", "longitude", "altitude", "psi", "theta", "phi")
 _UNTIMED = (
     "is KML without times, and a line alone is no recording; write the flight as a track with times (gx:Track), or "
     "import the recorder's own file"

@@ -27,6 +27,7 @@ from airrace.flights.logs.violations import (
 )
 from airrace.flights.results import Flight, Source, TimedCrossing
 from airrace.model.track.course import Passage
+from airrace.optimal_control.quantities import plain_number
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
 
@@ -282,9 +283,9 @@ def _remarks(part: Recording, path: Path, flight: Flight, accuracies: Mapping[st
     """Return sentences on rate, noise, outliers and gaps; times are those of the flight's clock."""
     steps = np.diff(part.time)
     usual = float(np.median(steps))
-    north, east, up = path.scatter.tolist()
+    north, east, up = (plain_number(scatter, 2) for scatter in path.scatter.tolist())
     remarks = [
-        f"positions come at {1.0 / usual:.3g} Hz and scatter by {north:.2g}, {east:.2g} and {up:.2g} m "
+        f"positions come at {1.0 / usual:.3g} Hz and scatter by {north}, {east} and {up} m "
         "about the smoothed path (north, east, up)"
     ]
     if count := int(path.outliers.sum()):
@@ -304,5 +305,7 @@ def _remarks(part: Recording, path: Path, flight: Flight, accuracies: Mapping[st
     times = [deviation.time for deviation in accuracies.values()]
     if times:
         usual, worst = (1e3 * float(seconds) for seconds in (np.median(times), max(times)))
-        remarks.append(f"times of passings are known to {usual:.2g} ms, the worst one to {worst:.2g} ms")
+        remarks.append(
+            f"times of passings are known to {plain_number(usual, 2)} ms, the worst one to {plain_number(worst, 2)} ms"
+        )
     return remarks

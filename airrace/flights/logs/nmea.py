@@ -4,9 +4,7 @@ Sentences of one time make one sample, whichever talkers they are of. One whose 
 counted, and so is one without a checksum in a file whose first sentence has one.
 """
 
-import functools
 import math
-import operator
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -105,7 +103,9 @@ def _problem(sentence: re.Match[str], *, summed: bool) -> str:
         return ""
     if sentence["sum"] is None:
         return f"is cut: `{sentence['content'].strip()[:60]}` has no checksum"
-    total = functools.reduce(operator.xor, sentence["content"].encode("utf-8", "replace"), 0)
+    total = 0
+    for letter in sentence["content"].encode("utf-8", "replace"):
+        total ^= letter
     stated = sentence["sum"].upper()
     return "" if stated == f"{total:02X}" else f"is damaged: its checksum is {total:02X}, and {stated} is stated"
 

@@ -7,7 +7,7 @@ from airrace.flights.results import Flight
 from airrace.flights.results.active_limits import ActiveLimit, active_limits
 from airrace.flights.results.clearances import NEAR_MISS, least_distances
 from airrace.optimal_control.certificate import Certificate, Curvature
-from airrace.optimal_control.quantities import KNOT
+from airrace.optimal_control.quantities import KNOT, plain_number
 from airrace.pages.views.tables import Cell, Column, Table, Value
 from airrace.procedure.result import CLEARANCE, HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
 
@@ -303,5 +303,5 @@ def limits_table(flight: Flight, most: int | None = None) -> Table:
 def _value_text(limit: ActiveLimit) -> str:
     """Return the value of a limit with its unit, angles in degrees."""
     if "rad" in limit.unit:
-        return f"{math.degrees(limit.value):.4g} {limit.unit.replace('rad', 'deg')}"
-    return f"{limit.value:.4g} {'' if limit.unit == '1' else limit.unit}".rstrip()
+        return f"{plain_number(math.degrees(limit.value), 4)} {limit.unit.replace('rad', 'deg')}"
+    return f"{plain_number(limit.value, 4)} {'' if limit.unit == '1' else limit.unit}".rstrip()

@@ -465,7 +465,7 @@ def run(*arguments: str) -> tuple[int, str, str]:
 def test_the_command_tells_the_difference_in_eighty_columns(files: tuple[str, str]) -> None:
     code, out, _ = run(*files, "--all")
     assert code == 0
-    assert out.startswith("windy against still: ")
+    assert out.startswith("windy.h5 against still.h5: ")
     assert "wind: 20 kt from 70 deg against none" in out
     assert max(len(line) for line in out.splitlines()) <= 80
 
@@ -482,7 +482,7 @@ def test_the_object_holds_the_same_numbers(files: tuple[str, str]) -> None:
     (flight,) = answer["flights"]
     comparison = optima()
     assert code == 0
-    assert (answer["reference"]["label"], flight["label"]) == ("still", "windy")
+    assert (answer["reference"]["label"], flight["label"]) == ("still.h5", "windy.h5")
     assert flight["difference_s"] == pytest.approx(comparison.difference)
     assert [leg["passing"] for leg in flight["legs"]] == [leg.name for leg in comparison.legs]
     assert flight["progress"]["difference_s"][-1] == pytest.approx(comparison.difference)
