@@ -23,7 +23,15 @@ from airrace.flights.results.time_loss import time_loss
 from airrace.pages.report.contents import as_json, clock_start, contents_of, unit_of
 from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
 from airrace.pages.report.sections import capitalise, note, number, section, table_section
-from airrace.pages.views.comparison_tables import difference_text, loss_head, lost_table, part_text
+from airrace.pages.views.comparison_tables import (
+    difference_text,
+    loss_head,
+    lost_table,
+    part_text,
+    recorded_sectors,
+    sectors_notes,
+    sectors_table,
+)
 from airrace.pages.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.pages.views.plain_text import escape_html, plain
 from airrace.pages.views.plan_svg import MARGIN, pixels_per_metre, plan_svg
@@ -86,7 +94,7 @@ def flight_page(
     ]
     map_ = map_model(first.race)
     loss_sections = [loss_section(flights, comparison, map_, units) for comparison in comparisons]
-    sections = [*loss_sections, *facts, *losses, *sections]
+    sections = [*loss_sections, sectors_section(flights, units), *facts, *losses, *sections]
     track = np.stack([first["x"], first["y"]], axis=1)
     style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
     script = page_script()
@@ -283,6 +291,15 @@ def _loss_map(flights: Sequence[Flight], comparison: Comparison, map_: MapModel,
     key = f'<div class="ramp-key"><span>{least}</span>{ramp}<span>{greatest}</span></div>'
     words = f"{both[0].label} in the colours of the time lost at a place, {both[1].label} dashed; a click leads there."
     return figure + key + note(words)
+
+
+def sectors_section(flights: Sequence[Flight], units: Units) -> str:
+    """Return a table of the recorded flights sector by sector; empty for fewer than two."""
+    sectors = recorded_sectors(flights)
+    if sectors is None:
+        return ""
+    title = f"{len(sectors.flights)} recorded flights, sector by sector"
+    return table_section(sectors_table(sectors, title, sectors_notes(sectors, units)))
 
 
 def comparison_section(comparison: Comparison, units: Units) -> str:

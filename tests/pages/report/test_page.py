@@ -289,7 +289,7 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
         "envelope",
     ]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
-    assert list(page["colours"][0]) == ["title", "history", "unit", "digits", "signed"]
+    assert list(page["colours"][0]) == ["title", "history", "digits", "signed", "unit"]
     assert list(page["differences"][0]) == ["flight", "time", "difference"]
 
 
