@@ -27,7 +27,7 @@ from airrace.flights.results import Flight, ReserveState, Verification
 from airrace.flights.results.comparison import compare_flights
 from airrace.flights.results.flight_facts import leg_facts
 from airrace.flights.safety.monte_carlo import SafetyResult
-from airrace.optimal_control.quantities import FOOT, KNOT
+from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report.contents import FORMAT, STRIPS, as_json, contents_of, pack, short_labels, time_lost
 from airrace.pages.report.flight_page import flight_page
@@ -35,11 +35,10 @@ from airrace.pages.report.script import FOLDER, LIBRARIES, join_modules, page_sc
 from airrace.pages.report.sections import claim_section, number, search_section
 from airrace.pages.views.comparison_tables import difference_text
 from airrace.pages.views.map_model import map_model
-from airrace.pages.views.tables import Cell, Column, Table, units_named
+from airrace.pages.views.tables import Cell, Column, Table
 from airrace.procedure.result import OPTIMUM, Route, SearchReport, Status
 from airrace.runs.command_result import ExitCode
 from airrace.runs.flight_sources import report_of_flights, report_page, stage_sections
-from airrace.runs.json_objects import comparison_object
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
 
@@ -116,58 +115,6 @@ def test_every_leg_can_be_jumped_to() -> None:
     assert [row["data-passing"] for row in parsed.named("tr") if "data-passing" in row] == [
         str(number) for number in range(len(flight.crossings) - 1)
     ]
-
-
-@pytest.mark.parametrize("units", ["kt-m", "kt-ft", "kmh-m"])
-def test_every_number_of_a_comparison_is_that_of_the_object(units: str) -> None:
-    """Race times, the table of the legs, and what costs most, read from the page."""
-    first, second = half_cuban().flight(label="still"), windy().flight(label="windy")
-    comparison = compare_flights(first, second)
-    page = flight_page([first, second], units=units_named(units))
-    data: Any = comparison_object(first, [comparison])  # Any: it is what becomes JSON
-    (flight,) = data["flights"]
-
-    def cells(title: str) -> list[list[str]]:
-        body = page[page.index(f"<h2>{title}</h2>") :]
-        rows = re.findall(r"<tr[^>]*>(.*?)</tr>", body[: body.index("</table>")])[1:]
-        return [[re.sub("<[^>]*>", "", cell) for cell in re.findall(r"<td.*?</td>", row)] for row in rows]
-
-    def number(text: str) -> float:
-        return float(text.replace("\N{MINUS SIGN}", "-"))
-
-    times = [number(row[2]) for row in cells("Flights")]
-    assert times == [round(data["reference"]["race_time_s"], 3), round(flight["race_time_s"], 3)]
-    legs = {leg["passing"]: leg for leg in flight["legs"]}
-    rows = cells("Where windy loses and wins")
-    assert [row[0] for row in rows] == [leg.name for leg in comparison.by_loss]
-    for name, time, lost, in_all, by_way, by_speed, _ in rows:
-        leg = legs[name]
-        keys = ("flight_s", "difference_s", "cumulative_s", "by_longer_way_s", "by_lower_speed_s")
-        shown = [number(text) for text in (time, "0" if lost == "a tie" else lost, in_all, by_way, by_speed)]
-        expected = [0.0 if key == "difference_s" and leg["tie"] else round(leg[key], 3) for key in keys]
-        assert shown == pytest.approx(expected, abs=1e-9)
-    losses = page[page.index('<ol class="losses">') : page.index("</ol>")]
-    items = re.findall(r"<button[^>]*>(.*?)</button><ul>(.*?)</ul>", losses)
-    assert len(items) == len(flight["costs"]["costliest"])
-    for (head, clauses), item in zip(items, flight["costs"]["costliest"], strict=True):
-        assert number(head.split()[0]) == pytest.approx(item["lost_s"], abs=0.005001)
-        parts = re.findall(r"<li>(\d+\.\d\d) s (by|won by)", clauses)
-        amounts = [number(amount) * (1.0 if verb == "by" else -1.0) for amount, verb in parts]
-        assert amounts == [part["shown_s"] for part in item["parts"] if part["shown_s"]]
-        assert sum(amounts) == pytest.approx(number(head.split()[0]), abs=1e-9)
-
-
-def test_the_units_of_the_page_are_those_that_are_asked_for() -> None:
-    page = flight_page([circle()], units=units_named("kt-ft"))
-    contents = read(page).contents
-    strip = next(strip for strip in contents["strips"] if strip["title"] == "Height")
-    assert strip["unit"] == "ft"
-    histories = contents["flights"][0]["histories"]
-    height = circle()["height"]
-    np.testing.assert_allclose(unpack(histories["height"]), height / FOOT, rtol=1e-6)
-    np.testing.assert_allclose(unpack(histories["up"]), height, rtol=1e-6)
-    assert re.search(r"<small>ft</small>", page)
-    assert not re.search(r"<small>(m|km/h)</small>", page)
 
 
 def test_flights_beside_it_are_listed_with_their_difference() -> None:
