@@ -89,7 +89,7 @@ WORDS: Mapping[Cause | None, tuple[str, str]] = {
     Cause.ENTRY: ("a slower entry", "a faster entry"),
     Cause.HEIGHT: ("climbing", "descending"),
     Cause.LIFT: ("more drag of lift", "less drag of lift"),
-    Cause.CARRIED: ("less speed on the legs behind", "more speed on the legs behind"),
+    Cause.CARRIED: ("less speed on the legs after it", "more speed on the legs after it"),
     Cause.DRAG: ("an aircraft with more drag for its mass", "an aircraft with less drag for its mass"),
     Cause.POWER: ("an aircraft with less power for its mass", "an aircraft with more power for its mass"),
     Cause.ENERGY: ("a greater loss of energy", "a smaller loss of energy"),
@@ -106,7 +106,7 @@ def loss_head(loss: Loss) -> str:
         return text if len(loss.legs) == 1 else f"{text}, {len(loss.legs)} legs"
     peak = round(100.0 * sum(leg.difference for leg in loss.legs[:turning_point]))
     back = peak - loss.hundredths
-    first, second = ("lost", "won back behind") if peak > 0 else ("won", "lost behind")
+    first, second = ("lost", "won back after it") if peak > 0 else ("won", "lost after it")
     lost, name = f"{abs(peak) / 100.0:.2f} s {first}", loss.legs[turning_point - 1].name
     return f"{text}: {lost} to {name}, {abs(back) / 100.0:.2f} s {second}"
 

@@ -116,7 +116,7 @@ export class Strips {
     return {
       width: this.element.clientWidth || 600,
       height: HEIGHT,
-      padding: [6, 10, 0, 0],
+      padding: [6, 26, 0, 0],
       cursor: { show: false },
       legend: { show: false },
       scales: { x: { time: false, range: () => this.shown() }, y: { range } },
