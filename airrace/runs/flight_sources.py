@@ -20,6 +20,7 @@ from airrace.flights.results.comparison import ensure_comparable
 from airrace.model.track.course import Origin
 from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.pages.views.stage_tables import claim
+from airrace.pages.views.tables import RACE, Units
 from airrace.procedure.stage import Stage
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
@@ -294,6 +295,7 @@ def report_of_flights(
     sensitivities: bool = False,
     verify: bool = True,
     envelope: int = 0,
+    units: Units = RACE,
 ) -> tuple[str, list[Flight]]:
     """Return the page as text, and its flights.
 
@@ -304,6 +306,7 @@ def report_of_flights(
         sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
         verify: whether the stages are measured again, which takes about a second each.
         envelope: how many closed-loop flights show in the scene how far they stray; 0 for none.
+        units: of speeds and lengths.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -321,9 +324,11 @@ def report_of_flights(
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
         if envelope:
             raise UsageError(f"{first.path} is a flight log: no envelope is simulated along it")
-        return flight_page(flights, log_sections(run_or_log), f"airrace {flights[0].source.version}"), flights
+        footer = f"airrace {flights[0].source.version}"
+        return flight_page(flights, log_sections(run_or_log), footer, units=units), flights
     view = run_or_log.stage(first.stage or stage)
-    return _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope), flights
+    page = _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope, units=units)
+    return page, flights
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -350,6 +355,7 @@ def report_page(
     sensitivities: bool = False,
     verify: bool = True,
     envelope: int = 0,
+    units: Units = RACE,
 ) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
@@ -359,11 +365,11 @@ def report_page(
     run = with_verifications(run, [run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
     flights = [view.flight(), *open_flights(others, verify=verify)]
-    return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope)
+    return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope, units=units)
 
 
 def _stage_page(
-    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int
+    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int, units: Units
 ) -> str:
     """Return the report about a stage of a run, with its flight and those beside it."""
     from airrace.pages.report.flight_page import flight_page
@@ -375,7 +381,7 @@ def _stage_page(
     message = f"noted when it was solved: {view.message}" if view.message else ""
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", message, view.stale) if text)
     sections = [claim_section(claim_text, verification, view.stamp), *sections]
-    return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
+    return flight_page(flights, sections, footer, claimed=True, envelope=scatter, units=units)
 
 
 def claim_of(run: RunState, view: StageView) -> str:
