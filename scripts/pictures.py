@@ -28,6 +28,16 @@ WEST_WIND = ("--set", "environment.wind.speed_kt=20", "--set", "environment.wind
 NO_FLOOR = ("--set", "rules.floor_m=10")
 NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=null")
 
+DAY = ("--aircraft", "my_extra.yaml", "--set", "environment.wind.from_deg=320", "--set", "environment.wind.speed_kt=8")
+TODAY = ("harbour.yaml", *DAY, "--until", "point-mass")
+SIMPLE = ("--search", "off")
+MANUAL = (
+    *("--mass", "730kg", "--span", "7.5m", "--area", "10.44m2", "--power", "315hp", "--stall", "55kt"),
+    *("--speed-max", "343km/h", "--climb", "3300ft/min", "--roll-rate", "400", "--n-z", "10", "--speed-limit", "220kt"),
+    *("--manual-mass", "820kg", "--manual-power", "300hp"),
+)
+"""The aircraft, the day and the runs of the page on a Saturday at the race."""
+
 FLIGHTS: dict[str, tuple[str, ...]] = {
     "rovinj": ("rovinj_2014", *PLAN),
     "reserve": ("rovinj_2014", *PLAN, "--reserve", "0.9"),
@@ -46,6 +56,10 @@ FLIGHTS: dict[str, tuple[str, ...]] = {
     "sprint": ("sprint.yaml", *POINT_MASS),
     "stands": ("stands.yaml", *POINT_MASS),
     "harbour": ("harbour.yaml",),
+    "today": TODAY,
+    "run1": (*TODAY, *SIMPLE, "--set", "rules.n_z_max=7.5"),
+    "run2": (*TODAY, *SIMPLE, "--set", "rules.start_speed_max_kt=185"),
+    "run3": (*TODAY, *SIMPLE, "--set", "rules.n_z_max=8.5", "--set", "rules.start_speed_max_kt=193"),
 }
 """What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes, and
 the harbour what it makes of the placemarks among the examples.
@@ -183,6 +197,42 @@ def draw_lost_time(runs: Path) -> None:
     shrink(path)
 
 
+def draw_saturday(runs: Path) -> None:
+    """The debrief of a day, the maps of what was lost, and the card of a duel: three runs recorded at 10 Hz."""
+    from PIL import Image
+    from playwright.sync_api import sync_playwright
+
+    call(runs, "aircraft", "My Extra", "--from", "edge540", *MANUAL, "--output", "my_extra.yaml", "--force")
+    logs = ("run1", "run2", "run3")
+    for flight in ("today", *logs):
+        optimum = "today.h5" if flight == "today" else f"{flight}_optimum.h5"
+        if not (runs / optimum).exists():
+            call(runs, "optimize", *FLIGHTS[flight], "--output", optimum, "--quiet")
+    for log in logs:
+        call(runs, "export", "csv", f"{log}_optimum.h5", "--rate", "10", "--output", f"{log}.csv", "--force")
+        call(runs, "import", f"{log}.csv", "--course", "harbour.yaml", *DAY, "--output", f"{log}.h5", "--force")
+    path = PICTURES / "debrief_losses.png"
+    call(runs, "compare", "today.h5", "run1.h5", "run2.h5", "--map", str(path), "--force")
+    shrink(path)
+    call(runs, "card", "run1.h5", "run3.h5", "--output", "duel.png", "--force")
+    with Image.open(runs / "duel.png") as duel:
+        duel.convert("RGB").save(PICTURES / "duel.jpg", quality=84, optimize=True)
+    call(runs, "report", "today.h5", *(f"{log}.h5" for log in logs), "--force", "--output", "debrief.html")
+    options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+    with sync_playwright() as playwright:
+        chromium = shutil.which("chromium") or shutil.which("google-chrome")
+        browser = playwright.chromium.launch(executable_path=chromium, args=options)
+        page = browser.new_context(viewport={"width": 1480, "height": 900}, offline=True).new_page()
+        page.goto((runs / "debrief.html").resolve().as_uri())
+        page.wait_for_selector("html.ready", state="attached", timeout=120_000)
+        page.select_option("[data-size]", "5")
+        page.select_option("[data-axis]", "distance")
+        page.evaluate("airrace.clock.set(11.5); document.activeElement.blur()")
+        page.wait_for_timeout(2_000)
+        page.screenshot(path=PICTURES / "debrief.jpg", type="jpeg", quality=84)
+        browser.close()
+
+
 def draw_figure_4(runs: Path) -> None:
     """The Half Cuban Eight in still air and in wind from the west, as in figure 4 of the paper."""
     import matplotlib.pyplot as plt
@@ -232,6 +282,7 @@ PRINTED: dict[str, Callable[[Path], None]] = {
     "case": print_case,
     "half_cuban_eight_wind": draw_figure_4,
     "lost_time": draw_lost_time,
+    "saturday": draw_saturday,
     "report": photograph_report,
     "views": lambda runs: photograph_scene(runs, "views", VIEWS),
     "film": lambda runs: photograph_scene(runs, "film", FILM),

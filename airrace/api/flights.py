@@ -166,7 +166,8 @@ def compare(
     for path in drawings:
         ensure_drawable(path)
     ensure_free(*drawings, force=force, sources=flights)
-    reference, *more_flights = open_flights(flights, stage=options.stage_text(stage), verify=verify)
+    stage_name = options.stage_text(stage)
+    reference, *more_flights = open_flights(flights, stage=stage_name, verify=verify, comparable=True)
     comparisons = [compare_flights(reference, flight) for flight in more_flights]
     if drawings:
         from airrace.pages.views.flight_figures import comparison_figure, loss_figure
@@ -226,6 +227,7 @@ def report(
         str | Path | None, options.output("FILE.html", "The page; by default beside the run, as RUN.html.")
     ] = None,
     stage: options.Stage = None,
+    units: Units = "kt-m",
     sensitivities: Annotated[bool, Option("Show the sensitivities to all numbers; takes some seconds.")] = False,
     envelope: Annotated[
         int, Option("Show in the scene how far N closed-loop flights in gusts stray, 95 % of them.", "N")
@@ -234,13 +236,19 @@ def report(
     force: options.Force = False,
 ) -> WrittenFlights:
     """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
+    from airrace.pages.views.tables import units_named
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path, write_text
 
     path, names = output_path(output, run, "html"), [str(run), *flights]
     ensure_free(path, force=force, sources=names)
     page, page_flights = report_of_flights(
-        names, stage=options.stage_text(stage), sensitivities=sensitivities, verify=verify, envelope=envelope
+        names,
+        stage=options.stage_text(stage),
+        sensitivities=sensitivities,
+        verify=verify,
+        envelope=envelope,
+        units=units_named(units),
     )
     write_text(path, page)
     return WrittenFlights(path, tuple(page_flights))
@@ -302,7 +310,7 @@ def card(
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path
 
-    if len(flights) > 2:
+    if len(flights) not in (1, 2):
         raise UsageError("a card shows one flight, or two in a duel")
     path = output_path(output, flights[0], "card.png")
     ensure_card(path)

@@ -309,6 +309,7 @@ class Run(RunState):
         sensitivities: bool = False,
         verify: bool = True,
         envelope: int = 0,
+        units: str = "kt-m",
     ) -> Path:
         """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
 
@@ -321,6 +322,7 @@ class Run(RunState):
             sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
             verify: whether the stages are measured again, about a second each; the page tells the outcome.
             envelope: how many closed-loop flights show in the scene how far they stray, see `safety`; 0 for none.
+            units: of speeds and lengths, as of `plot`.
 
         Returns:
             The path.
@@ -330,7 +332,15 @@ class Run(RunState):
             NotCertified: sensitivities were asked for, and the stage is no certified optimum.
             StorageError: the system refused.
         """
-        page = report_page(self, stage, others, sensitivities=sensitivities, verify=verify, envelope=envelope)
+        page = report_page(
+            self,
+            stage,
+            others,
+            sensitivities=sensitivities,
+            verify=verify,
+            envelope=envelope,
+            units=units_named(units),
+        )
         write_text(Path(path), page)
         return Path(path)
 

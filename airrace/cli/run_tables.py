@@ -13,7 +13,14 @@ from airrace.flights.results.comparison import TIE, Comparison, compare_flights,
 from airrace.flights.results.flight_facts import Range, leg_facts
 from airrace.flights.results.time_loss import time_loss
 from airrace.optimal_control.quantities import KNOT
-from airrace.pages.views.comparison_tables import laps_table, loss_text, lost_table
+from airrace.pages.views.comparison_tables import (
+    laps_table,
+    loss_text,
+    lost_table,
+    recorded_sectors,
+    sectors_notes,
+    sectors_table,
+)
 from airrace.pages.views.stage_tables import ONE_MESH, ROUGH, certificate_table, distance_table
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import RefinementReason, StageResult
@@ -173,6 +180,10 @@ def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Itera
         yield from _loss_texts(comparison)
     if len(comparisons) == 2:
         yield from _pair_texts(*comparisons)
+    sectors = recorded_sectors([comparisons[0].reference, *(comparison.flight for comparison in comparisons)])
+    if sectors is not None:
+        yield render(sectors_table(sectors, f"{len(sectors.flights)} recorded flights, sector by sector"), columns=PAGE)
+        yield "\n".join(map(paragraph, sectors_notes(sectors)))
     for comparison in comparisons:
         yield from _legs_texts(comparison, f"{comparison.flight.label}: " if len(comparisons) > 1 else "", every=every)
 

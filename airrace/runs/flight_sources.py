@@ -20,6 +20,7 @@ from airrace.flights.results.comparison import ensure_comparable
 from airrace.model.track.course import Origin
 from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.pages.views.stage_tables import claim
+from airrace.pages.views.tables import RACE, Units
 from airrace.procedure.stage import Stage
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, write_text
@@ -31,40 +32,48 @@ if TYPE_CHECKING:
     from airrace.flights.safety.footprint import Footprint
 
 
-def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
+def open_flights(
+    texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None, comparable: bool = False
+) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
-    Labels are as short as tells the flights apart: the name of the file, with the stage where one file gives several
-    flights or a stage was named. A log that is not imported yet is aligned with the course of the first file that has
-    one.
+    Labels are the names of the files as they are given, with the stage where one was named or the flights are of
+    several ones; with their folders where that tells them apart, and with a number where one is given twice. A log
+    that is not imported yet is aligned with the course of the first file that has one.
 
     Args:
         texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
         stage: for runs whose names say none; None for their last ones.
         verify: whether stages of runs are measured again, and imported logs made once more; None where that is no
             question.
+        comparable: whether they must be of courses with the same passings, which is found out before all else.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts its inputs, or a log is not valid.
-        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
+        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log, or flights
+            that must be comparable are not.
     """
-    return _open_with_files(texts, stage, verify)[1]
+    return _open_with_files(texts, stage, verify, comparable=comparable)[1]
 
 
 def _open_with_files(
-    texts: Sequence[str], stage: str | None, verify: bool | None
+    texts: Sequence[str], stage: str | None, verify: bool | None, *, comparable: bool = False
 ) -> tuple[dict[Path, RunState | LogView], list[Flight]]:
     """Return the files by their paths beside the flights of `open_flights`."""
     names = [FlightName.of(text) for text in texts]
     opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
+    if comparable:
+        courses = [
+            (text, opened[name.path].inputs.race.course)
+            for text, name in zip(texts, names, strict=True)
+            if name.path in opened
+        ]
+        for named_course in courses[1:]:
+            ensure_comparable(courses[0], named_course)
     sources = [_source(name, opened, stage) for name in names]
-    labels = _labels(names, sources)
+    labels = _labels(texts, names, sources)
     if verify is not None:
-        if len(sources) > 1:  # before anything is measured, which takes seconds
-            ensure_comparable(
-                [(label, source.inputs.race.course) for label, source in zip(labels, sources, strict=True)]
-            )
         from airrace.runs.verification import with_verification, with_verifications  # loads the solver
 
         for path, run_or_log in opened.items():
@@ -134,21 +143,22 @@ def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: 
     return fly_log_through(name.path, next(iter(opened.values())).inputs)
 
 
-def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
-    """Return unique labels: the file as it was named, without its folder and with the stage where that tells flights
-    apart, at last a number."""
+def _labels(texts: Sequence[str], names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
+    """Return unique labels: the file's name as given, without its folder where that tells no two apart."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
-    files = [Path(name_of(name.path)).name for name in names]
-    short = [
-        f"{file}:{stage}" if stage and (several or name.stage) else file
-        for name, file, stage in zip(names, files, stages, strict=True)
+    endings = [
+        f":{name.stage or stage}" if name.stage or (several and stage) else ""
+        for name, stage in zip(names, stages, strict=True)
     ]
-    if len(set(short)) < len(short):
-        short = [f"{name.path}:{stage}" if stage else f"{name.path}" for name, stage in zip(names, stages, strict=True)]
-    if len(set(short)) < len(short):
-        short = [f"{label} ({number})" for number, label in enumerate(short, start=1)]
-    return short
+    labels = [f"{Path(name_of(name.path)).name}{ending}" for name, ending in zip(names, endings, strict=True)]
+    if len(set(labels)) < len(labels):
+        labels = [
+            text if name.stage else f"{text}{ending}" for text, name, ending in zip(texts, names, endings, strict=True)
+        ]
+    if len(set(labels)) < len(labels):
+        labels = [f"{label} ({number})" for number, label in enumerate(labels, start=1)]
+    return labels
 
 
 def write_flights(
@@ -285,6 +295,7 @@ def report_of_flights(
     sensitivities: bool = False,
     verify: bool = True,
     envelope: int = 0,
+    units: Units = RACE,
 ) -> tuple[str, list[Flight]]:
     """Return the page as text, and its flights.
 
@@ -295,6 +306,7 @@ def report_of_flights(
         sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
         verify: whether the stages are measured again, which takes about a second each.
         envelope: how many closed-loop flights show in the scene how far they stray; 0 for none.
+        units: of speeds and lengths.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -312,9 +324,11 @@ def report_of_flights(
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
         if envelope:
             raise UsageError(f"{first.path} is a flight log: no envelope is simulated along it")
-        return flight_page(flights, log_sections(run_or_log), f"airrace {flights[0].source.version}"), flights
+        footer = f"airrace {flights[0].source.version}"
+        return flight_page(flights, log_sections(run_or_log), footer, units=units), flights
     view = run_or_log.stage(first.stage or stage)
-    return _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope), flights
+    page = _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope, units=units)
+    return page, flights
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -341,6 +355,7 @@ def report_page(
     sensitivities: bool = False,
     verify: bool = True,
     envelope: int = 0,
+    units: Units = RACE,
 ) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
@@ -350,11 +365,11 @@ def report_page(
     run = with_verifications(run, [run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
     flights = [view.flight(), *open_flights(others, verify=verify)]
-    return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope)
+    return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope, units=units)
 
 
 def _stage_page(
-    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int
+    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int, units: Units
 ) -> str:
     """Return the report about a stage of a run, with its flight and those beside it."""
     from airrace.pages.report.flight_page import flight_page
@@ -366,7 +381,7 @@ def _stage_page(
     message = f"noted when it was solved: {view.message}" if view.message else ""
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", message, view.stale) if text)
     sections = [claim_section(claim_text, verification, view.stamp), *sections]
-    return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
+    return flight_page(flights, sections, footer, claimed=True, envelope=scatter, units=units)
 
 
 def claim_of(run: RunState, view: StageView) -> str:

@@ -19,9 +19,17 @@ from airrace.flights.results.comparison import (
 )
 from airrace.flights.results.flight import passings_around
 from airrace.flights.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
+from airrace.flights.results.sectors import JOINT, SectorTimes
 from airrace.flights.results.time_loss import Loss, TimeLoss, loss_parts, time_loss
 from airrace.optimal_control.certificate import Certificate, SecondOrder
-from airrace.pages.views.comparison_tables import difference_text, laps_table, loss_text, lost_table
+from airrace.pages.views.comparison_tables import (
+    difference_text,
+    laps_table,
+    loss_text,
+    lost_table,
+    recorded_sectors,
+    sectors_table,
+)
 from airrace.pages.views.stage_tables import certificate_table
 from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
 
@@ -260,10 +268,33 @@ def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[
         "reference": flight_object(reference),
         "flights": [_comparison_object(comparison) for comparison in comparisons],
     }
+    sectors = recorded_sectors([reference, *(comparison.flight for comparison in comparisons)])
+    fields["sectors"] = None if sectors is None else _sectors_object(sectors)
     if len(comparisons) == 2:
         first, second = comparisons
         fields["rivals"] = _comparison_object(compare_flights(first.flight, second.flight))
     return fields
+
+
+def _sectors_object(sectors: SectorTimes) -> dict[str, object]:
+    return {
+        "flights": [flight.label for flight in sectors.flights],
+        "fastest": sectors.fastest.label,
+        "sum_of_best_s": finite(sectors.sum_of_best),
+        "best_race_s": finite(sectors.best_race),
+        "joint": {
+            "speed_m_s": JOINT.speed,
+            "height_m": JOINT.height,
+            "aside_m": JOINT.aside,
+            "heading_rad": JOINT.heading,
+            "climb_rad": JOINT.climb,
+            "energy_m": JOINT.energy,
+        },
+        "legs": [
+            {**row, "times_s": [finite(time) for time in sector.times]}
+            for row, sector in zip(sectors_table(sectors).objects(), sectors.sectors, strict=True)
+        ],
+    }
 
 
 def flight_object(flight: Flight) -> dict[str, object]:

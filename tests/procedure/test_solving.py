@@ -21,7 +21,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess, phase_piece
 from airrace.procedure.homotopy import SMALLEST_STEP, fixed_state, solve_homotopy
-from airrace.procedure.mesh_loop import solve_from_starts
+from airrace.procedure.mesh_loop import solve_certified, solve_from_starts
 from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
@@ -408,7 +408,7 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     problem, made = small()
     starts = [lambda: Start(prepared(SMALL), problem, made, InitialBarrier.COLD)] * 2
     used = limited(2.0 * problem.intervals, "stuck")
-    result = solve_from_starts(used, starts)
+    result = solve_from_starts(used, starts, solve_certified)
     assert result.outcome is Status.NOT_CONVERGED
     assert result.message.startswith("not converged: interior-point gave up (stuck), most violated: nothing; ")
     assert Ending.BUDGET_EXHAUSTED.value in result.message
@@ -438,7 +438,7 @@ def test_where_no_solver_claims_it_a_conflict_is_only_a_conjecture(
 ) -> None:
     problem, made = small()
     starts = [lambda: Start(prepared(SMALL), problem, made, InitialBarrier.COLD)]
-    result = solve_from_starts(session(verdict), starts, diagnose=lambda *_: conflict)
+    result = solve_from_starts(session(verdict), starts, solve_certified, diagnose=lambda *_: conflict)
     assert result.outcome is outcome
     assert message in result.message
     assert ("not converged" in result.message) is (outcome is Status.NOT_CONVERGED)

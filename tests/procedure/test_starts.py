@@ -69,7 +69,7 @@ def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], 
 
         return make
 
-    result = solve_from_starts(used, [maker(number) for number in range(len(starts))])
+    result = solve_from_starts(used, [maker(number) for number in range(len(starts))], solve_certified)
     return result, made, [solver for solver, _, _ in asked(used)]
 
 

@@ -76,8 +76,9 @@ def _waypoint(path: str, line: int, row: Mapping[str, str | None]) -> Waypoint:
         except ValueError:
             example = "4505.047N" if key == "lat" else "01337.414E"
             refuse(path, line, f"`{text[:40]}` is no {key} of SeeYou: expected one such as {example}", key)
-    style = _STYLES.get(values.get("style", ""), "")
-    return Waypoint(values["name"], *degrees, _elevation(values.get("elev", "")), style, values.get("desc", ""))
+    style, (latitude, longitude) = _STYLES.get(values.get("style", ""), ""), degrees
+    elevation = _elevation(values.get("elev", ""))
+    return Waypoint(values.get("name", ""), latitude, longitude, elevation, style, values.get("desc", ""))
 
 
 def _elevation(text: str) -> float:

@@ -320,7 +320,7 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     Raises:
         UsageError: the courses have other passings; names the first that differs.
     """
-    ensure_comparable([(flight.label, flight.course) for flight in (reference, other)])
+    ensure_comparable((reference.label, reference.course), (other.label, other.course))
     starts = reference.crossings[0].time, other.crossings[0].time
     legs: list[LegComparison] = []
     distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
@@ -347,22 +347,26 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     return Comparison(reference, other, tuple(legs), progress)
 
 
-def ensure_comparable(courses: Sequence[tuple[str, Course]]) -> None:
-    """Refuse flights of courses with other passings than the first.
+def ensure_comparable(reference: tuple[str, Course], other: tuple[str, Course]) -> None:
+    """Refuse flights of courses with other passings.
 
     Args:
-        courses: what the flights are called, and their courses.
+        reference, other: what each flight is called, and its course.
 
     Raises:
         UsageError: naming the first passing that differs.
     """
-    (label, course), *more_courses = courses
-    passings = passings_of(course)
-    for other_label, other_course in more_courses:
-        both, other_passings = f"{other_label} and {label} cannot be compared", passings_of(other_course)
-        for number, (passing, other_passing) in enumerate(zip(passings, other_passings, strict=False)):
-            if passing != other_passing:
-                first, second = (f"{name} ({kind})" for name, kind in (other_passing, passing))
-                raise UsageError(f"{both}: passing {number} is {first} in the one and {second} in the other")
-        if len(passings) != len(other_passings):
-            raise UsageError(f"{both}: the one has {len(other_passings)} passings, the other {len(passings)}")
+    (label, course), (other_label, other_course) = reference, other
+    passings, other_passings = passings_of(course), passings_of(other_course)
+    for number, (passing, other_passing) in enumerate(zip(passings, other_passings, strict=False)):
+        if passing != other_passing:
+            first, second = (f"{name} ({kind})" for name, kind in (other_passing, passing))
+            raise UsageError(
+                f"{other_label} and {label} cannot be compared: passing {number} "
+                f"is {first} in the one and {second} in the other"
+            )
+    if len(passings) != len(other_passings):
+        raise UsageError(
+            f"{other_label} and {label} cannot be compared: "
+            f"the one has {len(other_passings)} passings, the other {len(passings)}"
+        )

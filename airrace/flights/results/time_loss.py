@@ -176,9 +176,9 @@ class TimeLoss:
 
     @property
     def costliest(self) -> tuple[Loss, ...]:
-        """The losses that are reported, the greatest first."""
-        ranked = sorted(self.losses, key=lambda loss: -loss.amount)[:ITEMS_MAX]
-        return tuple(loss for loss in ranked if loss.amount >= LOSS_MIN)
+        """The losses that are reported, the greatest first: those with a cause that can be named."""
+        ranked = sorted(self.losses, key=lambda loss: -loss.amount)
+        return tuple(loss for loss in ranked if loss.amount >= LOSS_MIN and len(loss.parts) > 1)[:ITEMS_MAX]
 
     @property
     def title(self) -> str:

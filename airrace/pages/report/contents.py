@@ -3,6 +3,7 @@
 The object, with the format's name first:
 
     format          "airrace-report/1"
+    units           {speed, length, per_m}: those of the page, and how many lengths are a metre
     course          elements, crowd, obstacles, lines, airspace, frame: see below
     flights         the flights, the first of which the page is about; the others are its ghosts
       label           what tells it from the others
@@ -29,8 +30,9 @@ The object, with the format's name first:
       difference      how much later the other flight was there, s, n values
 
 Numbers of histories are 32-bit floats, least significant byte first, written as base64; NaN where nothing is known. The
-histories `north`, `east`, `height` (m, in the track's frame) and `q0` to `q3` (the rotation from body axes to north,
-east, down; scalar first) are in every flight; all others are in the units in which they are shown.
+histories `north`, `east`, `up` (m, in the track's frame), `way` (the distance flown since the first passing) and `q0`
+to `q3` (the rotation from body axes to north, east, down; scalar first) are in every flight; all but places and
+rotations are in the units in which they are shown.
 
 elements    what is passed
   name
@@ -54,7 +56,7 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,6 +70,7 @@ from airrace.model.track.element import Element
 from airrace.optimal_control.quantities import DEGREE, KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.map_model import MapModel, coordinates
+from airrace.pages.views.tables import RACE, Units
 
 if TYPE_CHECKING:
     from airrace.flights.safety.monte_carlo import SafetyResult
@@ -86,7 +89,7 @@ class Strip:
     """Histories of one kind over time.
 
     Attributes:
-        title, unit: for people.
+        title, unit: for people; of speeds and lengths SPEED and LENGTH, which are asked for.
         factor: the unit, in SI units or radians.
         lines: name of a history and what it is called, the main one first.
         limited: those of them whose limits are drawn.
@@ -104,6 +107,9 @@ class Strip:
     wraps: float | None = None
     least: float = 1.0
 
+
+SPEED, LENGTH = "kt", "m"
+"""Units that give way to those that are asked for."""
 
 STRIPS = (
     Strip("Speed", "kt", KNOT, (("V_I", "indicated"), ("V_A", "true"), ("V_K", "over ground")), ("V_K",), least=5.0),
@@ -135,15 +141,33 @@ STRIPS = (
 """The strips of a report, from top to bottom."""
 
 COLOURS: tuple[dict[str, object], ...] = (
-    {"title": "Load factor", "history": "n_z", "unit": "g", "digits": 1, "signed": False},
-    {"title": "Speed", "history": "V_I", "unit": "kt", "digits": 0, "signed": False},
-    {"title": "Roll rate", "history": "p_Kbar", "unit": "°/s", "digits": 0, "signed": True},
-    {"title": "Energy height", "history": "h_E", "unit": "m", "digits": 0, "signed": False},
+    {"title": "Load factor", "history": "n_z", "digits": 1, "signed": False},
+    {"title": "Speed", "history": "V_I", "digits": 0, "signed": False},
+    {"title": "Roll rate", "history": "p_Kbar", "digits": 0, "signed": True},
+    {"title": "Energy height", "history": "h_E", "digits": 0, "signed": False},
 )
 
 
+def in_units(strip: Strip, units: Units) -> Strip:
+    """Return a strip in the units that are asked for."""
+    if strip.unit == SPEED:
+        return replace(strip, unit=units.speed, factor=1.0 / units.per_m_s)
+    if strip.unit == LENGTH:
+        return replace(strip, unit=units.length, factor=1.0 / units.per_m)
+    return strip
+
+
+def unit_of(history: str, units: Units) -> str:
+    """Return the unit of a history of a strip."""
+    return next(in_units(strip, units).unit for strip in STRIPS if history in dict(strip.lines))
+
+
 def contents_of(
-    flights: Sequence[Flight], comparisons: Sequence[Comparison], map_: MapModel, envelope: "SafetyResult | None" = None
+    flights: Sequence[Flight],
+    comparisons: Sequence[Comparison],
+    map_: MapModel,
+    envelope: "SafetyResult | None" = None,
+    units: Units = RACE,
 ) -> dict[str, object]:
     """Return the object that the module describes.
 
@@ -152,23 +176,29 @@ def contents_of(
         comparisons: of the others with the first, in their order.
         map_: the race of the first from above.
         envelope: closed-loop flights along the first; None for none.
+        units: of speeds and lengths in histories.
     """
     flights = [with_nearest(flight, NEAR) for flight in flights]
     first = flights[0]
     flight_objects = [
-        {**_flight(flight, label), "envelope": None}
+        {**_flight(flight, label, units), "envelope": None}
         for flight, label in zip(flights, short_labels(flights), strict=True)
     ]
     if envelope:
         flight_objects[0]["envelope"] = _envelope(envelope, first)
     histories = {name for flight in flights for name in flight.histories}
-    strips = [strip for strip in STRIPS if any(name in histories for name, _ in strip.lines)]
+    strips = [in_units(strip, units) for strip in STRIPS if any(name in histories for name, _ in strip.lines)]
     return {
         "format": FORMAT,
+        "units": {"speed": units.speed, "length": units.length, "per_m": units.per_m},
         "course": _course(map_, first),
         "flights": flight_objects,
         "strips": [_strip(strip, first) for strip in strips],
-        "colours": [colour for colour in COLOURS if colour["history"] in first],
+        "colours": [
+            {**colour, "unit": unit_of(str(colour["history"]), units)}
+            for colour in COLOURS
+            if colour["history"] in first
+        ],
         "differences": [
             {"flight": number, "time": pack(time), "difference": pack(loss)}
             for number, (time, loss) in enumerate(map(time_lost, comparisons), start=1)
@@ -204,6 +234,13 @@ def clock_start(flight: Flight) -> float:
     return flight.crossings[0].time if starts else float(flight.time[0])
 
 
+def way_from_start(flight: Flight) -> Array:
+    """Return the distance along the flight from its first passing, m, shape (n,); negative before it."""
+    places = np.stack([flight[name] for name in ("x", "y", "z")])
+    distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=1), axis=0))])
+    return distance - np.interp(clock_start(flight), flight.time, distance)
+
+
 def short_labels(flights: Sequence[Flight]) -> list[str]:
     """Return labels without what they all begin with, up to a colon: stages alone, where all flights are of one run."""
     files = {flight.label.rpartition(":")[0] for flight in flights}
@@ -227,11 +264,14 @@ def _times(flight: Flight, leg: Leg) -> Array:
     return np.interp(SHARES[1:], distance / distance[-1], flight.time[leg.rows])
 
 
-def _flight(flight: Flight, label: str) -> dict[str, object]:
+def _flight(flight: Flight, label: str, units: Units) -> dict[str, object]:
     begin = clock_start(flight)
-    histories = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
+    histories = {"north": flight["x"], "east": flight["y"], "up": flight["height"]}
+    histories["way"] = units.per_m * way_from_start(flight)
     histories |= {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
-    histories |= {name: flight[name] / strip.factor for strip in STRIPS for name, _ in strip.lines if name in flight}
+    for strip in STRIPS:
+        factor = in_units(strip, units).factor
+        histories |= {name: flight[name] / factor for name, _ in strip.lines if name in flight}
     return {
         "label": label,
         "stamp": flight.stamp.text,

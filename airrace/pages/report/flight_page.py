@@ -20,17 +20,24 @@ from airrace.flights.results.comparison import Comparison, compare_flights, cond
 from airrace.flights.results.cues import cues_of
 from airrace.flights.results.flight_facts import Range, leg_facts, sustained_loads
 from airrace.flights.results.time_loss import time_loss
-from airrace.optimal_control.quantities import KNOT
-from airrace.pages.report.contents import as_json, clock_start, contents_of
+from airrace.pages.report.contents import as_json, clock_start, contents_of, unit_of
 from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
 from airrace.pages.report.sections import capitalise, note, number, section, table_section
-from airrace.pages.views.comparison_tables import loss_text, lost_table
+from airrace.pages.views.comparison_tables import (
+    difference_text,
+    loss_head,
+    lost_table,
+    part_text,
+    recorded_sectors,
+    sectors_notes,
+    sectors_table,
+)
 from airrace.pages.views.cue_tables import NOTE, cue_table
 from airrace.pages.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.pages.views.plain_text import escape_html, plain
-from airrace.pages.views.plan_svg import plan_svg
+from airrace.pages.views.plan_svg import MARGIN, pixels_per_metre, plan_svg
 from airrace.pages.views.stage_tables import distance_table
-from airrace.pages.views.tables import Cell, Column, Table
+from airrace.pages.views.tables import RACE, Cell, Column, Table, Units
 
 if TYPE_CHECKING:
     from airrace.flights.safety.monte_carlo import SafetyResult
@@ -43,14 +50,14 @@ body, main, .stage { margin: 0; padding: 0; max-width: none; }
 .watch .scene { height: 100%; border: 0; border-radius: 0; }
 """
 READINGS = (
-    ("Indicated", "V_I", "kt", 0, 0),
-    ("Height", "height", "m", 0, 0),
-    ("Load factor", "n_z", "g", 1, 0),
-    ("Bank", "mu", "°", 0, 360),
-    ("Roll rate", "p_Kbar", "°/s", 0, 0),
-    ("Climb", "gamma", "°", 0, 0),
+    ("Indicated", "V_I", 0, 0),
+    ("Height", "height", 0, 0),
+    ("Load factor", "n_z", 1, 0),
+    ("Bank", "mu", 0, 360),
+    ("Roll rate", "p_Kbar", 0, 0),
+    ("Climb", "gamma", 0, 0),
 )
-"""Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
+"""Numbers of the present instant over the scene: title, history, digits, and after how many units it repeats."""
 
 
 def flight_page(
@@ -61,6 +68,7 @@ def flight_page(
     claimed: bool = False,
     envelope: "SafetyResult | None" = None,
     style: str = "",
+    units: Units = RACE,
 ) -> str:
     """Return the page about some flights as HTML.
 
@@ -71,17 +79,23 @@ def flight_page(
         claimed: whether `sections` hold one called `claim`, to which the badge leads: what is claimed of the first
             flight, and what is not.
         style: CSS that comes after the page's own, such as `SCENE_ALONE`.
+        units: of speeds and lengths.
 
     Raises:
         UsageError: a flight is of a course with other passings.
     """
     first = flights[0]
     comparisons = [compare_flights(first, flight) for flight in flights[1:]]
-    losses = [comparison_section(comparison) for comparison in comparisons]
-    facts = [flights_section(flights), legs_section(first), distances_section(first), cues_section(first)]
+    losses = [comparison_section(comparison, units) for comparison in comparisons]
+    facts = [
+        flights_section(flights),
+        legs_section(first, units),
+        distances_section(first, units),
+        cues_section(first, units),
+    ]
     map_ = map_model(first.race)
-    loss_sections = [loss_section(comparison, map_) for comparison in comparisons]
-    sections = [*loss_sections, *facts, *losses, *sections]
+    loss_sections = [loss_section(flights, comparison, map_, units) for comparison in comparisons]
+    sections = [*loss_sections, sectors_section(flights, units), *facts, *losses, *sections]
     track = np.stack([first["x"], first["y"]], axis=1)
     style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
     script = page_script()
@@ -102,21 +116,21 @@ def flight_page(
         "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
         title=html.escape(plain(first.course.name)),
         heading=escape_html(first.course.name),
-        subtitle=escape_html(_subtitle(first)),
+        subtitle=escape_html(_subtitle(first, units)),
         stamp=escape_html(first.stamp.text),
         race_time=number(first.race_time, 3),
         verdict=verdict,
         readings="".join(
             f'<div><dt>{title}</dt><dd><span data-history="{history}" data-digits="{digits}" data-wraps="{wraps}">'
-            f"</span><small>{unit}</small></dd></div>"
-            for title, history, unit, digits, wraps in READINGS
+            f"</span><small>{unit_of(history, units)}</small></dd></div>"
+            for title, history, digits, wraps in READINGS
             if history in first
         ),
         plan=plan_svg(map_.with_track(track), by_speed(track, first["V_K"])),
         sections="\n".join(filter(None, sections)),
         footer=escape_html(footer),
         style=style,
-        contents=as_json(contents_of(flights, comparisons, map_, envelope)),
+        contents=as_json(contents_of(flights, comparisons, map_, envelope, units)),
         script=script,
     )
 
@@ -138,12 +152,14 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
 
 
-def _subtitle(flight: Flight) -> str:
+def _subtitle(flight: Flight, units: Units) -> str:
     """Return a line that says which aircraft flies, at which stage, and in which wind."""
     wind = flight.air.wind
     blowing = "calm air"
     if wind is not None and wind.speed > 0.0:
-        blowing = f"wind {wind.speed / KNOT:.0f} kt from {round(math.degrees(wind.origin)) % 360:03d}°"
+        blowing = (
+            f"wind {wind.speed * units.per_m_s:.0f} {units.speed} from {round(math.degrees(wind.origin)) % 360:03d}°"
+        )
     return ", ".join(text for text in (flight.aircraft.name, flight.source.stage, blowing) if text)
 
 
@@ -173,20 +189,20 @@ def flights_section(flights: Sequence[Flight]) -> str:
     return table_section(Table("Flights", columns, rows, [remark]))
 
 
-def legs_section(flight: Flight) -> str:
+def legs_section(flight: Flight, units: Units) -> str:
     """Return a table of what a flight does leg by leg, and of what it comes near to."""
     columns = (
         Column("to"),
         Column("at", "s", ".3f"),
         Column("leg", "s", ".3f"),
-        Column("indicated", "kt", ".0f"),
-        Column("over ground", "kt", ".0f"),
+        Column("indicated", units.speed, ".0f"),
+        Column("over ground", units.speed, ".0f"),
         Column("load factor", "g", ".1f"),
-        Column("height", "m", ".0f"),
+        Column("height", units.length, ".0f"),
         Column("roll rate", "°/s, most", ".0f"),
-        Column("energy height", "m, at the end", ".0f"),
-        Column("nearest", "m", "z.1f"),
-        Column("required", "m", "z.1f"),
+        Column("energy height", f"{units.length}, at the end", ".0f", factor=units.per_m),
+        Column("nearest", units.length, "z.1f", factor=units.per_m),
+        Column("required", units.length, "z.1f", factor=units.per_m),
         Column("to what"),
     )
     begin = clock_start(flight)
@@ -198,10 +214,10 @@ def legs_section(flight: Flight) -> str:
                 Cell(leg.name, time=leg.before.time - begin if leg.before.found else None),
                 leg.after.time - begin,
                 leg.time,
-                _range(facts.V_I, KNOT, 0),
-                _range(facts.V_K, KNOT, 0),
+                _range(facts.V_I, units.per_m_s, 0),
+                _range(facts.V_K, units.per_m_s, 0),
                 _range(facts.n_z, 1.0, 1),
-                _range(facts.height, 1.0, 0),
+                _range(facts.height, units.per_m, 0),
                 math.degrees(facts.roll_rate),
                 facts.energy_out,
                 *((None, None, "") if nearest is None else (nearest.distance, nearest.required, nearest.text)),
@@ -211,7 +227,8 @@ def legs_section(flight: Flight) -> str:
     if len(laps := laps_of(flight)) > 1:
         notes.append(f"Laps: {', '.join(f'{lap.number} in {number(lap.time, 3)} s' for lap in laps)}.")
     misses = [
-        f"{near_miss.clearance.name} ({number(near_miss.clearance.distance, 2)} m, {near_miss.where})"
+        f"{near_miss.clearance.name} ({number(near_miss.clearance.distance * units.per_m, 2)} {units.length}, "
+        f"{near_miss.where})"
         for near_miss in near_misses(flight)
     ]
     if misses:
@@ -220,41 +237,73 @@ def legs_section(flight: Flight) -> str:
     return table_section(Table("Legs", columns, rows, notes, by_leg=True))
 
 
-def distances_section(flight: Flight) -> str:
+def distances_section(flight: Flight, units: Units) -> str:
     """Return a table of the least distance from every thing on the course; empty where nothing is known."""
     remark = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
-    table = distance_table(flight, "Least distances", begin=clock_start(flight), notes=[remark])
+    table = distance_table(flight, "Least distances", begin=clock_start(flight), notes=[remark], units=units)
     return table_section(table) if table.rows else ""
 
 
-def cues_section(flight: Flight) -> str:
+def cues_section(flight: Flight, units: Units) -> str:
     """Return a table of what the pilot does leg by leg; empty where the flight does not know it."""
     cues = cues_of(flight)
     if not cues:
         return ""
-    return table_section(cue_table(cues, "What the pilot does", begin=clock_start(flight), notes=[NOTE]))
+    return table_section(cue_table(cues, "What the pilot does", begin=clock_start(flight), notes=[NOTE], units=units))
 
 
-def _range(values: Range, unit: float, digits: int) -> str:
+def _range(values: Range, factor: float, digits: int) -> str:
     """Return a range as a text, from the least to the greatest value; a dash where nothing is known."""
-    least, greatest = number(values.least / unit, digits), number(values.greatest / unit, digits)
+    least, greatest = number(factor * values.least, digits), number(factor * values.greatest, digits)
     return least if least == greatest else f"{least} … {greatest}"
 
 
-def loss_section(comparison: Comparison, map_: MapModel) -> str:
+def loss_section(flights: Sequence[Flight], comparison: Comparison, map_: MapModel, units: Units) -> str:
     """Return in words what costs the slower of two flights most, and its track in the colours of the time lost."""
     loss = time_loss(comparison)
     reference, other = loss.comparison.reference, loss.comparison.flight
-    coloured = by_loss(loss.comparison)
-    lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in (other, reference)]
-    plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
-    words = "".join(f"<li>{escape_html(loss_text(item))}</li>" for item in loss.costliest)
-    loss_list = f"<p>{escape_html(capitalise(loss.title))}:</p><ol>{words}</ol>" if words else ""
-    legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
-    return section(f"Where the time of {other.label} went", f'{loss_list}<div class="scroll">{plan}</div>{legend}')
+    begin = clock_start(flights[0])
+    items: list[str] = []
+    for item in loss.costliest:
+        leg = item.legs[0].reference if reference is flights[0] else item.legs[0].flight
+        time, words = leg.before.time - begin, escape_html(loss_head(item))
+        head = f'<button data-time="{time:.6f}" title="To this leg">{words}</button>'
+        parts = [part_text(part, units) for part in item.parts if part.hundredths]
+        clauses = [*parts, *(difference_text(fact, units) for fact in item.leaving)]
+        items.append(f"<li>{head}<ul>{''.join(f'<li>{escape_html(clause)}</li>' for clause in clauses)}</ul></li>")
+    heading = f"<p>{escape_html(capitalise(loss.title))}:</p>" if items else ""
+    words = f'<div>{heading}<ol class="losses">{"".join(items)}</ol></div>'
+    body = f'<div class="lost">{words}<div>{_loss_map(flights, loss.comparison, map_, units)}</div></div>'
+    return section(f"Where the time of {other.label} went", body)
 
 
-def comparison_section(comparison: Comparison) -> str:
+def _loss_map(flights: Sequence[Flight], comparison: Comparison, map_: MapModel, units: Units) -> str:
+    """Return the map of a comparison, which the script of the page links with the clock, and what its colours mean."""
+    coloured = by_loss(comparison, units)
+    both = comparison.flight, comparison.reference
+    lines = [np.stack([flight["x"], flight["y"]], axis=1) for flight in both]
+    map_ = map_.with_track(lines[0]).with_track(lines[1], dashed=True)
+    place = {"scale": pixels_per_metre(map_), "margin": MARGIN, "north": map_.north, "west": map_.west}
+    numbers = " ".join(str(flights.index(flight)) for flight in both)
+    data = " ".join(f'data-{name}="{value:.6f}"' for name, value in place.items())
+    figure = f'<figure class="map" {data} data-shown="{numbers}">{plan_svg(map_, coloured, scale=False)}</figure>'
+    least, greatest = (escape_html(end) for end in coloured.ends)
+    ramp = "".join(f'<i style="background: {colour}"></i>' for colour in coloured.colours)
+    key = f'<div class="ramp-key"><span>{least}</span>{ramp}<span>{greatest}</span></div>'
+    words = f"{both[0].label} in the colours of the time lost at a place, {both[1].label} dashed; a click leads there."
+    return figure + key + note(words)
+
+
+def sectors_section(flights: Sequence[Flight], units: Units) -> str:
+    """Return a table of the recorded flights sector by sector; empty for fewer than two."""
+    sectors = recorded_sectors(flights)
+    if sectors is None:
+        return ""
+    title = f"{len(sectors.flights)} recorded flights, sector by sector"
+    return table_section(sectors_table(sectors, title, sectors_notes(sectors, units)))
+
+
+def comparison_section(comparison: Comparison, units: Units) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
     reference, other = comparison.reference, comparison.flight
     notes = [
@@ -265,4 +314,4 @@ def comparison_section(comparison: Comparison) -> str:
         ),
     ]
     title = f"Where {other.label} loses and wins"
-    return table_section(lost_table(comparison.by_loss, title, begin=clock_start(reference), notes=notes))
+    return table_section(lost_table(comparison.by_loss, title, begin=clock_start(reference), notes=notes, units=units))

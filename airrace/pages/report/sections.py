@@ -33,8 +33,8 @@ def section(title: str, body: str) -> str:
 
 
 def table_section(table: Table) -> str:
-    """Return a part of the page with a table, which scrolls within its place where it is too wide, and its notes."""
-    return section(table.title, f'<div class="scroll">{table.html(inline=False)}</div>{note(" ".join(table.notes))}')
+    """Return a part of the page with a table, whose rows are lists on narrow screens, and its notes."""
+    return section(table.title, table.html(inline=False) + note(" ".join(table.notes)))
 
 
 def note(text: str) -> str:

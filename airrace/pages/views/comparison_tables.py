@@ -1,9 +1,12 @@
 """Two flights held against each other, for people: tables of laps and legs, and what costs the slower one its time."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from airrace.flights.results.comparison import Comparison, Difference, LegComparison
+from airrace.flights.results.flight import Flight
+from airrace.flights.results.sectors import JOINT, SectorTimes, sector_times
 from airrace.flights.results.time_loss import Cause, Loss, Part
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
@@ -86,7 +89,7 @@ WORDS: Mapping[Cause | None, tuple[str, str]] = {
     Cause.ENTRY: ("a slower entry", "a faster entry"),
     Cause.HEIGHT: ("climbing", "descending"),
     Cause.LIFT: ("more drag of lift", "less drag of lift"),
-    Cause.CARRIED: ("less speed on the legs behind", "more speed on the legs behind"),
+    Cause.CARRIED: ("less speed on the legs after it", "more speed on the legs after it"),
     Cause.DRAG: ("an aircraft with more drag for its mass", "an aircraft with less drag for its mass"),
     Cause.POWER: ("an aircraft with less power for its mass", "an aircraft with more power for its mass"),
     Cause.ENERGY: ("a greater loss of energy", "a smaller loss of energy"),
@@ -103,7 +106,7 @@ def loss_head(loss: Loss) -> str:
         return text if len(loss.legs) == 1 else f"{text}, {len(loss.legs)} legs"
     peak = round(100.0 * sum(leg.difference for leg in loss.legs[:turning_point]))
     back = peak - loss.hundredths
-    first, second = ("lost", "won back behind") if peak > 0 else ("won", "lost behind")
+    first, second = ("lost", "won back after it") if peak > 0 else ("won", "lost after it")
     lost, name = f"{abs(peak) / 100.0:.2f} s {first}", loss.legs[turning_point - 1].name
     return f"{text}: {lost} to {name}, {abs(back) / 100.0:.2f} s {second}"
 
@@ -123,3 +126,54 @@ def loss_text(loss: Loss, units: Units = RACE) -> str:
     clauses += [difference_text(fact, units) for fact in loss.leaving]
     separator = "; " if loss.turning_point else ": "
     return separator.join([loss_head(loss), *(["; ".join(clauses)] if clauses else [])])
+
+
+def recorded_sectors(flights: Sequence[Flight]) -> SectorTimes | None:
+    """Return the sectors of those flights that were recorded; None for fewer than two."""
+    recorded = [flight for flight in flights if not flight.source.stage]
+    return sector_times(recorded) if len(recorded) > 1 else None
+
+
+_SECTORS = (
+    Column("leg to", key="passing"),
+    Column(key="lap"),
+    Column("best", "s", ".3f", "best_s"),
+    Column("of", key="best_flight"),
+    Column("mean", "s", ".3f", "mean_s"),
+    Column("deviation", "s", ".3f", "deviation_s", rank=1),
+    Column("spread", "s", ".3f", "spread_s"),
+    Column("best race", key="best_race_flight", wraps=True),
+)
+
+
+def sectors_table(sectors: SectorTimes, title: str = "", notes: Sequence[str] = ()) -> Table:
+    """Return a table of many flights sector by sector; `best race` names the flight of each of its sectors."""
+    rows: list[tuple[Value, ...]] = []
+    for place, sector in enumerate(sectors.sectors):
+        best, chosen = sectors.flights[sector.best].label, "-"
+        if sectors.choice:
+            chosen = sectors.flights[sectors.choice[place]].label
+        times = (sector.mean, sector.deviation, sector.spread)
+        rows.append((sector.name, sector.lap, sector.best_time, best, *times, chosen))
+    return Table(title, _SECTORS, rows, notes)
+
+
+def sectors_notes(sectors: SectorTimes, units: Units = RACE) -> list[str]:
+    """Return sentences on the best race of sectors that fit together, and on the sum of the best ones."""
+    fastest, joint = sectors.fastest, JOINT
+    notes = [f"The sum of the best sectors is {sectors.sum_of_best:.3f} s, whether they fit together or not."]
+    height, aside, energy = (
+        f"{metres * units.per_m:.0f} {units.length}" for metres in (joint.height, joint.aside, joint.energy)
+    )
+    alike = (
+        f"speed within {joint.speed * units.per_m_s:.0f} {units.speed}, height within {height}, place within {aside}, "
+        f"course and climb within {math.degrees(joint.heading):.0f} deg, and at most {energy} more energy height"
+    )
+    if not sectors.choice:
+        return notes
+    pieces = ", ".join(f"{flight.label} to {name}" for flight, name in sectors.pieces)
+    gain = fastest.race_time - sectors.best_race
+    text = f"The best race of sectors that fit together takes {sectors.best_race:.3f} s: {pieces}"
+    if len(sectors.pieces) > 1:
+        text += f"; {gain:.3f} s less than {fastest.label}"
+    return [f"{text}.", f"Sectors fit together where both flights make the passing alike: {alike}.", *notes]

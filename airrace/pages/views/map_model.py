@@ -21,6 +21,7 @@ from airrace.model.track.element import Element
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
+from airrace.pages.views.tables import RACE, Units
 from airrace.procedure.planning.route_decisions import PLANNED_MAX, place
 from airrace.race import Race
 
@@ -304,10 +305,11 @@ def by_speed(line: Array, speed: Array) -> ColouredTrack:
     return ColouredTrack(line, speed, least, greatest, SPEED_COLOURS, ends)
 
 
-def by_loss(comparison: Comparison) -> ColouredTrack:
+def by_loss(comparison: Comparison, units: Units = RACE) -> ColouredTrack:
     """Return the track of the other flight in the colours of the time that it loses at a place."""
     line, rate = loss_along(comparison)
     finite_rates = np.abs(rate[np.isfinite(rate)])
     most = max(float(np.percentile(finite_rates, LARGEST)), STILL) if len(finite_rates) else STILL
-    ends = f"wins {100.0 * most:.2f} s in 100 m", f"loses {100.0 * most:.2f} s"
+    lost = 100.0 * most / units.per_m
+    ends = f"wins {lost:.2f} s in 100 {units.length}", f"loses {lost:.2f} s"
     return ColouredTrack(line, rate, -most, most, LOSS_COLOURS, ends)

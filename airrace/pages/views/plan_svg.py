@@ -48,17 +48,23 @@ class _Sheet:
         return " ".join("{:.1f},{:.1f}".format(*self.at(north, east)) for north, east in places.tolist())
 
 
-def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None) -> str:
-    """Return the drawing, complete with its scale.
+def pixels_per_metre(map_: MapModel) -> float:
+    """Return the scale of a drawing."""
+    return LONGER_EDGE / max(map_.north - map_.south, map_.east - map_.west)
+
+
+def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None, *, scale: bool = True) -> str:
+    """Return the drawing.
 
     Args:
         map_: the race from above.
         coloured: a track that is drawn in the place of those of the map that are not dashed; None for none.
+        scale: whether its scale and the meaning of the colours stand below it.
     """
-    pixels = LONGER_EDGE / max(map_.north - map_.south, map_.east - map_.west)
+    pixels = pixels_per_metre(map_)
     width = (map_.east - map_.west) * pixels + 2 * MARGIN
-    width = width if coloured is None else max(width, LEGEND)
-    height = (map_.north - map_.south) * pixels + 2 * MARGIN + 2 * FONT
+    width = width if coloured is None or not scale else max(width, LEGEND)
+    height = (map_.north - map_.south) * pixels + 2 * MARGIN + 2 * FONT * scale
     sheet = _Sheet(map_.north, map_.west, pixels, width, height)
     tracks: list[str] = []
     for way in map_.ways:
@@ -73,7 +79,7 @@ def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None) -> str:
         *tracks,
         *_marks(sheet, map_),
         *_labels(sheet, map_),
-        *_scale(sheet, coloured),
+        *(_scale(sheet, coloured) if scale else ()),
     ]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from airrace.flights.results import Flight
 from airrace.flights.results.active_limits import ActiveLimit, active_limits
 from airrace.flights.results.clearances import NEAR_MISS, least_distances
 from airrace.optimal_control.certificate import Certificate, Curvature
 from airrace.optimal_control.quantities import KNOT, plain_number
-from airrace.pages.views.tables import Cell, Column, Table, Value
+from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
 from airrace.procedure.result import CLEARANCE, HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
 
 _SPLITS = (
@@ -260,7 +261,9 @@ _DISTANCES = (
 )
 
 
-def distance_table(flight: Flight, title: str, *, begin: float = 0.0, notes: Sequence[str] = ()) -> Table:
+def distance_table(
+    flight: Flight, title: str, *, begin: float = 0.0, notes: Sequence[str] = (), units: Units = RACE
+) -> Table:
     """Return a row for every thing; none where nothing is known.
 
     Args:
@@ -268,12 +271,15 @@ def distance_table(flight: Flight, title: str, *, begin: float = 0.0, notes: Seq
         title: stands above it.
         begin: the time that times count from, s.
         notes: sentences that belong to it.
+        units: of lengths.
     """
+    lengths = {"unit": units.length, "factor": units.per_m}
+    columns = [replace(column, **lengths) if column.unit == "m" else column for column in _DISTANCES]
     rows: list[tuple[str | float, ...]] = []
     for clearance in least_distances(flight):
         distances = (clearance.distance, clearance.required, clearance.margin)
         rows.append((clearance.text, *distances, clearance.time - begin, clearance.height))
-    return Table(title, _DISTANCES, rows, notes)
+    return Table(title, columns, rows, notes)
 
 
 _LIMITS = (

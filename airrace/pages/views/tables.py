@@ -275,7 +275,8 @@ def _html_cell(column: Column, cell: Cell, inline: bool) -> str:
         text = f'<button data-time="{cell.time:.6f}" title="To this instant">{text}</button>'
     if cell.flight is not None:
         text = f'<label><input type="checkbox" data-flight="{cell.flight}" checked> {text}</label>'
-    return f"<td{_style(column, inline, bad=cell.bad)}>{text}</td>"
+    head = "" if inline else f' data-head="{escape_html(f"{column.name} {column.unit}".strip())}"'
+    return f"<td{head}{_style(column, inline, bad=cell.bad)}>{text}</td>"
 
 
 def _style(column: Column, inline: bool, *, bad: bool = False) -> str:

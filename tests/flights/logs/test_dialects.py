@@ -4,7 +4,7 @@ import io
 import random
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 
@@ -47,121 +47,124 @@ def lines(head: Sequence[str], *columns: Sequence[object], delimiter: str = ",")
     return "\n".join([*head, *rows]) + "\n"
 
 
-def g1000() -> str:
-    head = [
-        '#airframe_info, log_version="1.00", mode=NORMAL',
-        "#yyy-mm-dd, hh:mm:ss, hh:mm, ident, degrees, degrees, ft msl, kt, deg, deg, G, deg",
-        "  Lcl Date, Lcl Time, UTCOfst, AtvWpt, Latitude, Longitude, AltMSL, GndSpd, Pitch, Roll, NormAc, HDG",
-        "          ,         ,        ,       ,         ,          ,       ,       ,      ,     ,       ,    ",
-    ]
-    date = [one.strftime("%Y-%m-%d") for one in CLOCK]
-    blank = [""] * len(TIMES)
-    return lines(head, date, TIMES, blank, blank, LATITUDE, LONGITUDE, FEET, SPEED, PITCH, ROLL, LOAD - 1.0, blank)
+def micros(since: float) -> list[str]:
+    return [f"{1e6 * one:.0f}" for one in SINCE + since]
 
 
-def g3x() -> str:
-    head = [
-        '#airframe_info,log_version="1.00",product="GDU 460"',
-        "Date (yyyy-mm-dd),Time (hh:mm:ss),UTC Time (hh:mm:ss),Latitude (deg),Longitude (deg),GPS Altitude (ft),"
-        "Roll (deg)",
-        "Lcl Date,Lcl Time,UTC Time,Latitude,Longitude,AltGPS,Roll",
-    ]
-    date = [one.strftime("%Y-%m-%d") for one in CLOCK]
-    local = [(one + timedelta(hours=2)).strftime("%H:%M:%S.%f")[:-3] for one in CLOCK]
-    return lines(head, date, local, TIMES, LATITUDE, LONGITUDE, FEET, ROLL)
+def scaled(values: np.ndarray, factor: float) -> list[str]:
+    return [f"{factor * one:.0f}" for one in values]
 
 
-def dynon() -> str:
-    head = "Session Time,System Time,GPS Date & Time,Latitude (deg),Longitude (deg),GPS Altitude (feet),"
-    head += "Ground Speed (knots),Pitch (deg),Roll (deg),Vertical Acceleration (G)"
-    knots = SPEED / 0.514444
-    return lines([head], SINCE + 500.0, TIMES, TIMES, LATITUDE, LONGITUDE, FEET, knots, PITCH, ROLL, LOAD)
+KNOTS = SPEED / 0.514444
+DATES = [one.strftime("%Y-%m-%d") for one in CLOCK]
+LOCAL = [(one + timedelta(hours=2)).strftime("%H:%M:%S.%f")[:-3] for one in CLOCK]
+HHMMSS = [one.strftime("%H%M%S.%f")[:-3] for one in CLOCK]
+ZERO, BLANK = [0] * len(SINCE), [""] * len(SINCE)
+PLACE = LATITUDE, LONGITUDE
+PAIRS = [f'"{lat:.8f},{lon:.8f}"' for lat, lon in zip(LATITUDE, LONGITUDE, strict=True)]
+TEN_MILLIONTHS = scaled(LATITUDE, 1e7), scaled(LONGITUDE, 1e7)
 
+RECORDERS: dict[str, tuple[str, str, Sequence[Sequence[object]]]] = {
+    "Garmin G1000": (
+        """#airframe_info, log_version="1.00", mode=NORMAL
+#yyy-mm-dd, hh:mm:ss, hh:mm, ident, degrees, degrees, ft msl, kt, deg, deg, G, deg
+  Lcl Date, Lcl Time, UTCOfst, AtvWpt, Latitude, Longitude, AltMSL, GndSpd, Pitch, Roll, NormAc, HDG
+          ,         ,        ,       ,         ,          ,       ,       ,      ,     ,       ,    """,
+        ",",
+        (DATES, TIMES, BLANK, BLANK, *PLACE, FEET, SPEED, PITCH, ROLL, LOAD - 1.0, BLANK),
+    ),
+    "Garmin G3X, G5": (
+        """#airframe_info,log_version="1.00",product="GDU 460"
+Date (yyyy-mm-dd),Time (hh:mm:ss),UTC Time (hh:mm:ss),Latitude (deg),Longitude (deg),GPS Altitude (ft),Roll (deg)
+Lcl Date,Lcl Time,UTC Time,Latitude,Longitude,AltGPS,Roll""",
+        ",",
+        (DATES, LOCAL, TIMES, *PLACE, FEET, ROLL),
+    ),
+    "Dynon SkyView": (
+        "Session Time,System Time,GPS Date & Time,Latitude (deg),Longitude (deg),GPS Altitude (feet),"
+        "Ground Speed (knots),Pitch (deg),Roll (deg),Vertical Acceleration (G)",
+        ",",
+        (SINCE + 500.0, TIMES, TIMES, *PLACE, FEET, KNOTS, PITCH, ROLL, LOAD),
+    ),
+    "ForeFlight": (
+        """Pilot,Tail Number,Derived Origin,Start Latitude,Start Longitude,Start Time
+Ada L.,N123,KXYZ,45.1,13.6,1397397598000
+Timestamp,Latitude,Longitude,Altitude,Course,Speed,Bank,Pitch,Horizontal Error,Vertical Error,g Load""",
+        ",",
+        (scaled(np.array(UNIX), 1e3), *PLACE, FEET, ZERO, KNOTS, ROLL, PITCH, ZERO, ZERO, LOAD),
+    ),
+    "FlightRadar24": (
+        "\nTimestamp,UTC,Callsign,Position,Altitude,Speed,Direction",
+        ",",
+        (UNIX, TIMES, BLANK, PAIRS, FEET, KNOTS, ZERO),
+    ),
+    "AiM": (
+        """"Format","AiM CSV File"
+"Sample Rate","20"
 
-def foreflight() -> str:
-    head = [
-        "Pilot,Tail Number,Derived Origin,Start Latitude,Start Longitude,Start Time",
-        "Ada L.,N123,KXYZ,45.1,13.6,1397397598000",
-        "Timestamp,Latitude,Longitude,Altitude,Course,Speed,Bank,Pitch,Horizontal Error,Vertical Error,g Load",
-    ]
-    millis = [f"{1000.0 * one:.0f}" for one in UNIX]
-    zero = [0] * len(UNIX)
-    return lines(head, millis, LATITUDE, LONGITUDE, FEET, zero, SPEED / 0.514444, ROLL, PITCH, zero, zero, LOAD)
+"Time","GPS Speed","GPS Latitude","GPS Longitude","GPS Altitude"
+"sec","km/h","deg","deg","ft"
+""",
+        ",",
+        (SINCE, 3.6 * SPEED, *PLACE, FEET),
+    ),
+    "RaceChrono": (
+        """This file is created using RaceChrono v7
+Format,3
 
+timestamp,fragment_id,lap_number,elapsed_time,altitude,bearing,latitude,longitude,speed
+unix time,,,s,m,deg,deg,deg,m/s
+,,,,100: gps,100: gps,100: gps,100: gps,100: gps""",
+        ",",
+        (UNIX, ZERO, ZERO, SINCE, ALTITUDE, ZERO, *PLACE, SPEED),
+    ),
+    "Racelogic VBO": (
+        """File created on 13/04/2014 at 13:59
 
-def aim() -> str:
-    head = ['"Format","AiM CSV File"', '"Sample Rate","20"', "", '"Time","GPS Speed","GPS Latitude","GPS Longitude"']
-    head[-1] += ',"GPS Altitude"'
-    return lines([*head, '"sec","km/h","deg","deg","ft"', ""], SINCE, 3.6 * SPEED, LATITUDE, LONGITUDE, FEET)
+[header]
+satellites
+time
+latitude
+longitude
+velocity kmh
+height
 
+[column names]
+sats time lat long velocity heading height
 
-def racechrono() -> str:
-    head = [
-        "This file is created using RaceChrono v7",
-        "Format,3",
-        "",
-        "timestamp,fragment_id,lap_number,elapsed_time,altitude,bearing,latitude,longitude,speed",
-        "unix time,,,s,m,deg,deg,deg,m/s",
-        ",,,,100: gps,100: gps,100: gps,100: gps,100: gps",
-    ]
-    zero = [0] * len(UNIX)
-    return lines(head, UNIX, zero, zero, SINCE, ALTITUDE, zero, LATITUDE, LONGITUDE, SPEED)
-
-
-def vbo() -> str:
-    head = ["File created on 13/04/2014 at 13:59", "", "[header]", "satellites", "time", "latitude", "longitude"]
-    head += ["velocity kmh", "height", "", "[column names]", "sats time lat long velocity heading height", "", "[data]"]
-    clock = [one.strftime("%H%M%S.%f")[:-3] for one in CLOCK]
-    sats, heading = ["012"] * len(clock), ["067.09"] * len(clock)
-    minutes = LATITUDE * 60.0, -LONGITUDE * 60.0
-    return lines(head, sats, clock, *minutes, 3.6 * SPEED, heading, ALTITUDE, delimiter=" ")
-
-
-def px4() -> str:
-    micros = [f"{1e6 * one:.0f}" for one in SINCE + 106.5]
-    place = [[f"{1e7 * one:.0f}" for one in values] for values in (LATITUDE, LONGITUDE)]
-    millis, zero = [f"{1000.0 * one:.0f}" for one in ALTITUDE], [0] * len(micros)
-    return lines(["timestamp,time_utc_usec,lat,lon,alt,alt_ellipsoid,eph"], micros, zero, *place, millis, millis, zero)
-
-
-def px4_of_today() -> str:
-    micros = [f"{1e6 * one:.0f}" for one in SINCE + 106.5]
-    head = "timestamp,time_utc_usec,latitude_deg,longitude_deg,altitude_msl_m,vel_m_s"
-    return lines([head], micros, micros, LATITUDE, LONGITUDE, ALTITUDE, SPEED)
-
-
-def ardupilot() -> str:
-    micros, zero = [f"{1e6 * one:.0f}" for one in SINCE + 30.0], [0] * len(SINCE)
-    return lines(["TimeUS,Status,NSats,Lat,Lng,Alt,Spd"], micros, zero, zero, LATITUDE, LONGITUDE, ALTITUDE, SPEED)
-
-
-def raw_ardupilot() -> str:
-    micros, zero = [f"{1e6 * one:.0f}" for one in SINCE + 30.0], [0] * len(SINCE)
-    place = [[f"{1e7 * one:.0f}" for one in values] for values in (LATITUDE, LONGITUDE)]
-    return lines(["TimeUS,Status,NSats,Lat,Lng,Alt,Spd"], micros, zero, zero, *place, ALTITUDE, SPEED)
-
-
-def x_plane() -> str:
-    head = "   _real,_time |    _totl,_time |    Vtrue,_ktas |  Gload,norml |     pitch,__deg |    _roll,__deg | "
-    head += "  __lat,__deg |   __lon,__deg |   _alt,ftmsl |"
-    columns = SINCE, SINCE + 20.0, SPEED / 0.514444, LOAD, PITCH, ROLL, LATITUDE, LONGITUDE, FEET
-    return lines([head], *columns, [""] * len(SINCE), delimiter=" | ")
-
-
-WRITERS: dict[str, Callable[[], str]] = {
-    "Garmin G1000": g1000,
-    "Garmin G3X, G5": g3x,
-    "Dynon SkyView": dynon,
-    "ForeFlight": foreflight,
-    "AiM": aim,
-    "RaceChrono": racechrono,
-    "Racelogic VBO": vbo,
-    "PX4, vehicle_gps_position": px4,
-    "PX4, sensor_gps": px4_of_today,
-    "ArduPilot": ardupilot,
-    "ArduPilot, raw": raw_ardupilot,
-    "X-Plane": x_plane,
+[data]""",
+        " ",
+        (["012"] * len(SINCE), HHMMSS, LATITUDE * 60.0, -LONGITUDE * 60.0, 3.6 * SPEED, ZERO, ALTITUDE),
+    ),
+    "PX4, vehicle_gps_position": (
+        "timestamp,time_utc_usec,lat,lon,alt,alt_ellipsoid,eph",
+        ",",
+        (micros(106.5), ZERO, *TEN_MILLIONTHS, scaled(ALTITUDE, 1e3), scaled(ALTITUDE, 1e3), ZERO),
+    ),
+    "PX4, sensor_gps": (
+        "timestamp,time_utc_usec,latitude_deg,longitude_deg,altitude_msl_m,vel_m_s",
+        ",",
+        (micros(106.5), micros(106.5), *PLACE, ALTITUDE, SPEED),
+    ),
+    "ArduPilot": ("TimeUS,Status,NSats,Lat,Lng,Alt,Spd", ",", (micros(30.0), ZERO, ZERO, *PLACE, ALTITUDE, SPEED)),
+    "ArduPilot, raw": (
+        "TimeUS,Status,NSats,Lat,Lng,Alt,Spd",
+        ",",
+        (micros(30.0), ZERO, ZERO, *TEN_MILLIONTHS, ALTITUDE, SPEED),
+    ),
+    "X-Plane": (
+        "   _real,_time |    _totl,_time |    Vtrue,_ktas |  Gload,norml |     pitch,__deg |    _roll,__deg | "
+        "  __lat,__deg |   __lon,__deg |   _alt,ftmsl |",
+        " | ",
+        (SINCE, SINCE + 20.0, KNOTS, LOAD, PITCH, ROLL, *PLACE, FEET, BLANK),
+    ),
 }
+"""What every recorder writes above its samples, what stands between its cells, and the columns of the flight."""
+
+
+def written(name: str) -> str:
+    head, delimiter, columns = RECORDERS[name]
+    return lines([head], *columns, delimiter=delimiter)
 
 
 def flight_of(path: Path, content: str, layout: ColumnLayout | None = None) -> LogFlight:
@@ -169,9 +172,9 @@ def flight_of(path: Path, content: str, layout: ColumnLayout | None = None) -> L
     return flight_from_log(read_log(path, layout), race(), label="log")
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", RECORDERS)
 def test_a_flight_in_a_dialect_is_read_without_a_mapping(tmp_path: Path, name: str) -> None:
-    found = flight_of(tmp_path / "log.txt", WRITERS[name]())
+    found = flight_of(tmp_path / "log.txt", written(name))
     begin = known().passings["0:g0"]
     assert {one.name for one in found.flight.crossings if one.found} == set(known().passings)
     for one in found.flight.crossings:
@@ -183,7 +186,7 @@ def test_a_flight_in_a_dialect_is_read_without_a_mapping(tmp_path: Path, name: s
 
 
 def test_a_row_of_units_counts_more_than_the_dialect_and_a_column_more_than_both(tmp_path: Path) -> None:
-    metres = g1000().replace("ft msl", "m").splitlines()
+    metres = written("Garmin G1000").replace("ft msl", "m").splitlines()
     path = tmp_path / "log.csv"
     path.write_text("\n".join(metres) + "\n")
     assert read_log(path).columns["altitude"] == pytest.approx(FEET, abs=1e-6)

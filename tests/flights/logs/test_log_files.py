@@ -79,6 +79,27 @@ def test_the_clock_of_a_flight_is_that_of_its_log(folder: Path, tmp_path: Path) 
     assert f"ReferenceTime={log.begins:%Y-%m-%dT%H:%M:%S}Z" in path.read_text("utf-8-sig")
 
 
+def test_other_courses_are_refused_before_anything_is_measured(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    track = tmp_path / "short.yaml"
+    whole = (Path(__file__).parents[3] / "tracks" / "rovinj_2014.yaml").read_text()
+    lines = whole.rstrip().splitlines()
+    assert lines[-2] == "    - g1"
+    track.write_text("\n".join([*lines[:-2], lines[-1]]) + "\n")
+    airrace.import_log(folder / "log.csv", track).save(tmp_path / "short.h5")
+
+    def fail(*_: object, **__: object) -> None:
+        raise AssertionError("it was measured")
+
+    monkeypatch.setattr("airrace.runs.verification.with_verification", fail)
+    monkeypatch.setattr("airrace.runs.flight_sources.fly_log_through", fail)
+    for others in ((), (folder / "log.csv",)):
+        code, _, err = run("compare", folder / "log.h5", tmp_path / "short.h5", *others)
+        assert code == 2
+        assert f"{tmp_path / 'short.h5'} and {folder / 'log.h5'} cannot be compared" in err
+
+
 def test_an_offset_raises_all_heights(folder: Path) -> None:
     plain, raised = (airrace.import_log(folder / "log.csv", "rovinj_2014", height_offset=up) for up in (0.0, 12.0))
     heights = [view.recorded.log.columns["height"] for view in (plain, raised)]

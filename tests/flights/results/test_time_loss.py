@@ -17,7 +17,7 @@ from airrace.flights.results.comparison import Comparison, compare_flights
 from airrace.flights.results.time_loss import BY, Cause, loss_along, loss_parts, time_loss
 from airrace.model.environment import g0
 from airrace.pages.report.flight_page import flight_page
-from airrace.pages.views.comparison_tables import loss_text
+from airrace.pages.views.comparison_tables import loss_head, loss_text, part_text
 from airrace.pages.views.map_model import LOSS_COLOURS, by_loss, map_model
 from airrace.pages.views.plan_svg import plan_svg
 from airrace.pages.views.tables import units_named
@@ -188,8 +188,10 @@ def test_terminal_object_and_report_tell_the_same() -> None:
     assert [one["text"] for one in told] == texts
     for text in texts:
         assert text in printed
-        assert text in page.replace("&#x27;", "'")
-    assert page.index(texts[0]) < page.index("<table")
+    for loss in lost.costliest:
+        assert loss_head(loss) in page
+        assert all(part_text(part) in page for part in loss.parts if part.hundredths)
+    assert page.index(loss_head(lost.costliest[0])) < page.index("<table")
 
 
 def test_two_flights_are_held_against_each_other_and_both_against_the_reference() -> None:

@@ -13,10 +13,18 @@ from playwright.sync_api import Browser
 from report_pages import HOSTILE, everything_flown, labelled, renamed
 
 import airrace
+from airrace.flights.results.comparison import compare_flights
 from airrace.model.frames import rotation
 from airrace.pages.report.flight_page import flight_page
 
 pytestmark = pytest.mark.slow
+
+CUT_OFF = """() => [...document.querySelectorAll("main *, .mast *")]
+  .filter((one) => !one.closest("svg, select, .scene") && one.clientWidth > 0)
+  .filter((one) => getComputedStyle(one).overflowX !== "visible")
+  .filter((one) => one.scrollWidth > one.clientWidth + 1 || one.scrollHeight > one.clientHeight + 1)
+  .map((one) => `${one.tagName}.${one.className}`)"""
+"""What hides a part of what it holds, or shows it only to whoever scrolls there."""
 
 
 @pytest.mark.parametrize("size", gate_runs(SIZES, "phone"))
@@ -28,6 +36,7 @@ def test_the_page_fits_its_screen_without_errors_and_asks_for_nothing(
     one.page.screenshot(path=artefacts / f"page_{size}.png", full_page=True)
     across = one.run("() => [document.documentElement.scrollWidth, innerWidth]")
     assert across[0] <= across[1]
+    assert one.run(CUT_OFF) == []
     assert one.errors == []
     assert [address for address in one.asked if not address.startswith("data:")] == []
     one.page.context.close()
@@ -202,6 +211,73 @@ def test_a_leg_alone_is_shown_in_the_strips(laptop: Opened) -> None:
     splits = half_cuban().splits
     assert (low, high) == pytest.approx((splits[1].time - 0.4, splits[2].time + 0.4), abs=1e-3)
     laptop.page.select_option("[data-window]", "race")
+
+
+@pytest.mark.representative
+def test_histories_over_distance_are_those_at_the_same_place(laptop: Opened) -> None:
+    """At a gate of the first flight the other one is shown where it passes that gate, and the cursor stands there."""
+    laptop.page.select_option("[data-axis]", "distance")
+    compared = compare_flights(half_cuban().flight(), windy().flight())
+    passing = compared.flight.crossings[2]
+    laptop.set(half_cuban().splits[2].time)
+    place, ends, shown = laptop.run(
+        """() => {
+          const { strips, axis } = airrace.strips;
+          const strip = strips.find(({ quantity }) => quantity.title === "Height");
+          const { min, max } = strip.plot.scales.x;
+          return [axis.at(airrace.clock.time), [min, max], strip.values[1].textContent];
+        }"""
+    )
+    assert place == pytest.approx(compared.progress.passings[2], rel=1e-4)
+    assert ends == pytest.approx([0.0, compared.progress.passings[-1]], rel=1e-4, abs=0.01)
+    assert float(shown) == pytest.approx(passing.value("height"), abs=0.6)
+    plot = laptop.page.locator("#strips .u-over").nth(2)
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    assert box is not None
+    laptop.page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 20.0)
+    assert laptop.run("() => airrace.strips.axis.at(airrace.clock.time)") == pytest.approx(0.5 * ends[1], rel=0.01)
+    laptop.page.select_option("[data-axis]", "time")
+
+
+@pytest.mark.representative
+def test_a_zoom_is_that_of_strips_map_and_scene(laptop: Opened) -> None:
+    laptop.set(5.0)
+    seen = """() => {
+      const norths = airrace.scene.views.get("above").points.map(({ z }) => z);
+      return [Math.max(...norths) - Math.min(...norths), airrace.maps[0].svg.getAttribute("viewBox")];
+    }"""
+    extent, box = laptop.run(seen)
+    laptop.page.click("[data-zoom='0.5']")
+    low, high = laptop.run("() => ['min', 'max'].map(end => airrace.strips.strips[1].plot.scales.x[end])")
+    assert high - low == pytest.approx(0.5 * laptop.run("() => airrace.clock.duration"), rel=1e-6)
+    assert low < 5.0 < high
+    assert laptop.page.input_value("[data-window]") == "free"
+    smaller_extent, smaller_box = laptop.run(seen)
+    assert smaller_extent < extent
+    assert float(smaller_box.split()[2]) < float(box.split()[2])
+    laptop.page.select_option("[data-window]", "race")
+    assert laptop.run(seen) == [extent, box]
+
+
+@pytest.mark.representative
+def test_a_click_on_the_map_of_the_losses_leads_to_that_place(laptop: Opened) -> None:
+    """There the first flight is as near to the click as the thickness of the line, wherever the other one flies."""
+    laptop.page.locator(".map svg").scroll_into_view_if_needed()
+    for share in (0.2, 0.6):
+        x, y, expected = laptop.run(
+            """share => {
+              const [map] = airrace.maps, [coloured] = map.shown, flight = map.flights[coloured];
+              const time = share * flight.duration, pair = map.pairs.get(coloured);
+              const [x, y] = map.place(flight, time);
+              const at = new DOMPoint(x, y).matrixTransform(map.svg.getScreenCTM());
+              return [at.x, at.y, pair ? pair.back(time) : time];
+            }""",
+            share,
+        )
+        laptop.set(expected + 0.3)  # the course leads to the same places again
+        laptop.page.mouse.click(x, y)
+        assert laptop.seconds == pytest.approx(expected, abs=0.1)
 
 
 def test_every_strip_has_three_numbers_along_its_axis(laptop: Opened) -> None:

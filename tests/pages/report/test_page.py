@@ -183,7 +183,7 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
     table = Table("caption <", (Column("a", "m", ".1f"), Column("b")), [("<1>", Cell("&", bad=True))])
     assert "caption &lt;" in table.html()
     assert "&lt;1&gt;" in table.html(inline=False)
-    assert '<td class="text no">&amp;</td>' in table.html(inline=False)
+    assert '<td data-head="b" class="text no">&amp;</td>' in table.html(inline=False)
 
 
 def test_the_legs_come_with_what_differs_and_what_they_come_near_to() -> None:
@@ -214,7 +214,7 @@ def test_numbers_survive_to_the_last_bit_of_32(values: list[float]) -> None:
 def test_the_format_is_as_its_documentation_has_it() -> None:
     page = contents(circle(), labelled(circle(25.0), "slower"))
     assert page["format"] == FORMAT
-    assert list(page) == ["format", "course", "flights", "strips", "colours", "differences"]
+    assert list(page) == ["format", "units", "course", "flights", "strips", "colours", "differences"]
     assert list(page["course"]) == [
         "elements",
         "crowd",
@@ -236,7 +236,7 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
         "envelope",
     ]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
-    assert list(page["colours"][0]) == ["title", "history", "unit", "digits", "signed"]
+    assert list(page["colours"][0]) == ["title", "history", "digits", "signed", "unit"]
     assert list(page["differences"][0]) == ["flight", "time", "difference"]
 
 
@@ -250,7 +250,7 @@ def test_every_history_has_a_value_per_time(seconds: float) -> None:
 def test_the_pose_is_that_of_the_flight() -> None:
     flight = half_cuban().flight()
     histories = {name: unpack(text) for name, text in contents(flight)["flights"][0]["histories"].items()}
-    pose = {"north": "x", "east": "y", "height": "height", "q0": "b0", "q1": "b1", "q2": "b2", "q3": "b3"}
+    pose = {"north": "x", "east": "y", "up": "height", "q0": "b0", "q1": "b1", "q2": "b2", "q3": "b3"}
     for name, history in pose.items():
         np.testing.assert_allclose(histories[name], flight[history], atol=1e-4)
     np.testing.assert_allclose(histories["V_K"] * KNOT, flight["V_K"], rtol=1e-6)

@@ -21,8 +21,15 @@ export class Orbit {
   constructor(points) {
     this.name = "orbit";
     this.camera = new PerspectiveCamera(36, 1, 1, 60000);
+    this.all = points;
     this.points = points;
     this.height = 1;
+    this.home();
+  }
+
+  /** Show these points alone, or all for null. */
+  focus(points) {
+    this.points = points ?? this.all;
     this.home();
   }
 
@@ -102,11 +109,18 @@ export class Parallel {
   constructor(name, points) {
     this.name = name;
     this.camera = new OrthographicCamera(-1, 1, 1, -1, 1, 60000);
+    this.all = points;
     this.points = points;
     const side = longAxis(new Box3().setFromPoints(points));
     this.from = name === "above" ? UP.clone() : new Vector3(Math.sin(side), 0, Math.cos(side));
     this.up = name === "above" ? new Vector3(0, 0, -1) : UP.clone();
     this.right = this.up.clone().cross(this.from).normalize();
+    this.home();
+  }
+
+  /** Show these points alone, or all for null. */
+  focus(points) {
+    this.points = points ?? this.all;
     this.home();
   }
 

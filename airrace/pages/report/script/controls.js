@@ -62,6 +62,59 @@ export class Clock {
   }
 }
 
+const AROUND = 0.4; // s before and after a leg that is shown alone
+const SHORTEST = 0.5; // s that are shown at least
+
+/** The stretch of the race that strips, maps and scene show, by the clock: all of it, the present leg, or any other. */
+export class Stretch {
+  constructor(clock, lead) {
+    Object.assign(this, { clock, lead, kind: "race", leg: -1, from: 0, to: clock.duration, listeners: [] });
+    clock.watch(() => this.follow());
+  }
+
+  /** Call back whenever another stretch is shown. */
+  watch(listener) {
+    this.listeners.push(listener);
+  }
+
+  /** Show `race`, or `leg`: the present one. */
+  show(kind) {
+    this.kind = kind;
+    this.leg = kind === "leg" ? this.lead.leg(this.clock.time) : -1;
+    if (this.leg < 0) this.set(0, this.clock.duration);
+    else {
+      const { passings } = this.lead;
+      const [from, to] = [this.leg, Math.min(this.leg + 1, passings.length - 1)].map((number) => passings[number].time);
+      this.set(from - AROUND, Math.max(to, from) + AROUND);
+    }
+  }
+
+  /** Show a stretch so many times as long, in which an instant keeps its place. */
+  zoom(factor, around = this.clock.time) {
+    const length = Math.min(Math.max((this.to - this.from) * factor, SHORTEST), this.clock.duration);
+    const share = (around - this.from) / (this.to - this.from);
+    this.kind = length < this.clock.duration ? "free" : "race";
+    const from = Math.min(Math.max(around - share * length, 0), this.clock.duration - length);
+    this.set(from, from + length);
+  }
+
+  set(from, to) {
+    this.from = Math.max(from, 0);
+    this.to = Math.min(to, this.clock.duration);
+    for (const listener of this.listeners) listener();
+  }
+
+  /** Keep the present instant in what is shown. */
+  follow() {
+    const { time } = this.clock;
+    if (this.kind === "leg" && this.lead.leg(time) !== this.leg) this.show("leg");
+    if (this.kind !== "free" || (time >= this.from && time <= this.to)) return;
+    const length = this.to - this.from;
+    const from = Math.min(Math.max(time < this.from ? time : time - length, 0), this.clock.duration - length);
+    this.set(from, from + length);
+  }
+}
+
 const STEP = 0.1; // s, of an arrow key
 const LEAP = 1; // s, with Shift
 
@@ -193,6 +246,19 @@ export function showReadings(element, flight, clock) {
   show(clock.time);
 }
 
+/** What chooses the axis of the strips and the stretch that is shown, and tells which one is. */
+export function linkStretch(element, stretch, strips) {
+  const shown = element.querySelector("[data-window]");
+  const axis = element.querySelector("[data-axis]");
+  shown.addEventListener("change", () => stretch.show(shown.value));
+  axis.addEventListener("change", () => strips.over(axis.value));
+  for (const button of element.querySelectorAll("[data-zoom]"))
+    button.addEventListener("click", () => stretch.zoom(Number(button.dataset.zoom)));
+  stretch.watch(() => {
+    shown.value = stretch.kind;
+  });
+}
+
 const BAR = 110; // pixels, about, of the bar of the scale
 
 export class Controls {
@@ -242,11 +308,12 @@ export class Controls {
   /** The bar of the scale where there is one, and the needle that points north. */
   bearings() {
     const { camera } = this.scene.view;
-    const metres = this.scene.scaleBar(BAR);
+    const { length, per_m: perMetre } = this.scene.units;
+    const round = this.scene.scaleBar(BAR);
     const bar = this.element.querySelector(".scalebar");
-    const text = metres === null ? `grid ${this.scene.ground.step} m` : `${metres} m`;
-    bar.querySelector("span").textContent = text;
-    bar.querySelector("i").style.width = metres === null ? "0" : `${(metres / this.scene.pixel).toFixed(1)}px`;
+    const grid = `grid ${written(this.scene.ground.step * perMetre, 0)} ${length}`;
+    bar.querySelector("span").textContent = round === null ? grid : `${round} ${length}`;
+    bar.querySelector("i").style.width = round === null ? "0" : `${(round / perMetre / this.scene.pixel).toFixed(1)}px`;
     const north = new Vector3(0, 0, -1).transformDirection(camera.matrixWorldInverse);
     const needle = this.element.querySelector(".needle");
     // Seen along the ground, north is up where it lies ahead.

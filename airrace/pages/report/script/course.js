@@ -29,7 +29,7 @@ const ROUND = 24; // corners of a circle around people
 const FENCE = 30; // m, the height at which airspace and safety lines are drawn
 
 /** All of the course as a group; `labels` are what is to be named in it, `standing` casts shadows, `restyle()` repaints. */
-export function courseOf(course) {
+export function courseOf(course, units) {
   const group = new Group();
   const painted = [];
   const labels = [];
@@ -39,7 +39,7 @@ export function courseOf(course) {
     painted.push([mesh.material, colour]);
   };
   for (const element of course.elements) addElement(element, add, labels);
-  course.crowd.forEach((crowd, number) => addCrowd(crowd, number, add, labels));
+  course.crowd.forEach((crowd, number) => addCrowd(crowd, number, add, labels, units));
   for (const obstacle of course.obstacles) addObstacle(obstacle, add, labels);
   for (const safety of course.lines) addSafetyLine(safety, add, labels);
   if (course.airspace.length) addAirspace(course.airspace, add, labels);
@@ -106,7 +106,7 @@ function addMark({ place }, add) {
 }
 
 /** People, and the ground within their distance. */
-function addCrowd({ name, corners, closed, distance, height }, number, add, labels) {
+function addCrowd({ name, corners, closed, distance, height }, number, add, labels, units) {
   const places = corners.map(([north, east]) => placed(north, east, height));
   const near = new Mesh(around(corners, closed, distance), once(translucent(0.14), 1 + (number % 250)));
   near.renderOrder = -10;
@@ -125,7 +125,7 @@ function addCrowd({ name, corners, closed, distance, height }, number, add, labe
     post.position.copy(places[0]).setY(height + 2);
     add(post, "limit");
   }
-  labels.push({ text: `${name}, ${Math.round(distance)} m`, place: middle(places).setY(height + 8), kind: "crowd" });
+  labels.push({ text: `${name}, ${Math.round(distance * units.per_m)} ${units.length}`, place: middle(places).setY(height + 8), kind: "crowd" });
 }
 
 /** A mast, a cylinder or a box, from the ground to its top. */

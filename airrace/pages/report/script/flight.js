@@ -69,12 +69,18 @@ export class Flight {
 
   /** Where the aircraft is, in the scene. */
   position(time, target = new Vector3()) {
-    return placed(this.value("north", time), this.value("east", time), this.value("height", time), target);
+    return placed(this.value("north", time), this.value("east", time), this.value("up", time), target);
   }
 
   /** Where it is at a sample, in the scene. */
   positionOf(i, target = new Vector3()) {
-    return placed(this.history("north")[i], this.history("east")[i], this.history("height")[i], target);
+    return placed(this.history("north")[i], this.history("east")[i], this.history("up")[i], target);
+  }
+
+  /** Where it is from one time to another, in the scene. */
+  places(from, to) {
+    const within = [from, ...this.time.filter((time) => time > from && time < to), Math.min(to, this.duration)];
+    return Array.from(within, (time) => this.position(time));
   }
 
   /** The rotation from body axes (nose, right wing, down) to the scene. */

@@ -16,8 +16,8 @@ const LONGEST = 18; // letters of a flight's name
 
 export class Graphics {
   /** `differences` tell how far the others are behind, see `differencesOf`; `title` is the name of the course. */
-  constructor(flights, differences, title) {
-    Object.assign(this, { flights, title, lead: flights[0], differences });
+  constructor(flights, differences, title, units) {
+    Object.assign(this, { flights, title, lead: flights[0], differences, units });
   }
 
   /**
@@ -125,8 +125,8 @@ export class Graphics {
     const [left, top] = [right - wide, bottom - high];
     this.panel(left, top, wide, high);
     const values = [
-      ["V_I", "kt", 0],
-      ["height", "m", 0],
+      ["V_I", this.units.speed, 0],
+      ["height", this.units.length, 0],
       ["n_z", "g", 1],
     ];
     values.forEach(([name, unit, digits], i) => {
@@ -174,8 +174,8 @@ export class Graphics {
     if (path) this.pathMarker(...path);
     this.nextGate(width, height, time, camera);
     const side = Math.min(0.3 * width, 0.48 * height);
-    this.number(x - side, y, written(this.lead.value("V_I", time), 0), "kt", "right");
-    this.number(x + side, y, written(this.lead.value("height", time), 0), "m", "left");
+    this.number(x - side, y, written(this.lead.value("V_I", time), 0), this.units.speed, "right");
+    this.number(x + side, y, written(this.lead.value("height", time), 0), this.units.length, "left");
     this.number(x - side, y + 40 * u, written(this.lead.value("n_z", time), 1), "g", "right");
   }
 

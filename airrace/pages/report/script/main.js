@@ -1,8 +1,9 @@
 // The page comes to life: what it carries is read, its parts are linked by one clock, and it is printed.
 
-import { Clock, Controls, linkFlights, linkTables, showReadings, Transport, watchKeys } from "./controls.js";
+import { Clock, Controls, linkFlights, linkStretch, linkTables, showReadings, Stretch, Transport, watchKeys } from "./controls.js";
 import { Flight } from "./flight.js";
 import { Film, Graphics } from "./graphics.js";
+import { LossMap } from "./map.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
 import { differencesOf, watchTheme, written } from "./values.js";
@@ -65,9 +66,13 @@ function begin() {
     document.getElementById(id),
   );
   const differences = differencesOf(contents.differences);
-  const graphics = new Graphics(flights, differences, document.title);
+  const graphics = new Graphics(flights, differences, document.title, contents.units);
   const scene = sceneOrNone(sceneElement, contents, flights, clock, graphics);
-  const strips = new Strips(stripsElement, contents.strips, flights, clock, differences);
+  const stretch = new Stretch(clock, lead);
+  const strips = new Strips(stripsElement, contents, flights, clock, stretch, differences);
+  const pairs = new Map(differences.map((pair) => [pair.flight, pair]));
+  const maps = [...document.querySelectorAll("figure.map")].map((one) => new LossMap(one, flights, pairs, clock, stretch));
+  stretch.watch(() => scene?.focus(stretch.kind === "race" ? null : lead.places(stretch.from, stretch.to)));
   const transport = new Transport(transportElement, lead, clock);
   const controls = scene === null ? null : new Controls(sceneElement, scene, lead, contents.colours);
   showReadings(sceneElement, lead, clock);
@@ -76,8 +81,7 @@ function begin() {
     scene?.invalidate();
     strips.redraw();
   });
-  const stretch = document.querySelector("[data-window]");
-  stretch.addEventListener("change", () => strips.showWhole(stretch.value === "race"));
+  linkStretch(document.querySelector(".strips-head"), stretch, strips);
   watchKeys(transport, controls?.buttons ?? []);
   const force = watchTheme(document.getElementById("theme"), () => {
     scene?.restyle();
@@ -90,14 +94,14 @@ function begin() {
   full.addEventListener("click", () => (document.fullscreenElement ? document.exitFullscreen() : watch.requestFullscreen()));
   // For whoever looks into the page from its console, and for what takes films and cards of it.
   const film = scene === null ? null : new Film(scene, graphics, clock);
-  window.airrace = { clock, flights, scene, strips, graphics, film };
+  window.airrace = { clock, flights, scene, strips, stretch, maps, graphics, film };
   document.documentElement.classList.add("ready");
 }
 
 /** The scene, or null where the browser has no WebGL: the drawing of the course then stands in its place. */
 function sceneOrNone(element, contents, flights, clock, graphics) {
   try {
-    return new RaceScene(element, contents.course, flights, clock, graphics);
+    return new RaceScene(element, contents.course, flights, clock, graphics, contents.units);
   } catch (reason) {
     console.info(`no picture in space: ${reason.message}`);
     document.documentElement.classList.add("flat");

@@ -30,8 +30,9 @@ const DOT = 4; // pixels, of the marker by which a small aircraft is found
 
 export class RaceScene {
   /** @throws Error where the browser has no WebGL. */
-  constructor(element, course, flights, clock, graphics) {
+  constructor(element, course, flights, clock, graphics, units) {
     this.element = element;
+    this.units = units;
     this.clock = clock;
     this.graphics = graphics;
     [this.canvas, this.overlay] = element.querySelectorAll("canvas");
@@ -39,7 +40,7 @@ export class RaceScene {
     this.scene = new Scene();
     const points = pointsOf(course, flights);
     this.ground = groundOf(new Box3().setFromPoints(points), course);
-    this.course = courseOf(course);
+    this.course = courseOf(course, units);
     this.actors = flights.map((flight) => new Actor(flight, this.ground.sun, flights.length > 1));
     this.light();
     this.scene.add(this.ground, shadowOf(this.course.standing, this.ground.sun), this.course);
@@ -81,6 +82,12 @@ export class RaceScene {
   look(name) {
     this.view = this.views.get(name);
     this.view.home();
+    this.invalidate();
+  }
+
+  /** Let the views that do not follow an aircraft show these points, or the whole course for null. */
+  focus(points) {
+    for (const view of this.views.values()) view.focus?.(points);
     this.invalidate();
   }
 
@@ -173,7 +180,10 @@ export class RaceScene {
   /** How large a picture of a view is, in words: its own width where that has a scale, else that of the grid. */
   scaleOf(name, width) {
     const { pixel } = this.views.get(name);
-    return pixel ? `${written(pixel * width, 0)} m wide` : `grid ${this.ground.step} m`;
+    const { length, per_m: perMetre } = this.units;
+    const metres = pixel ? pixel * width : this.ground.step;
+    const size = `${written(metres * perMetre, 0)} ${length}`;
+    return pixel ? `${size} wide` : `grid ${size}`;
   }
 
   /** Metres per pixel where the view has a scale that holds all over the picture; else null. */
@@ -181,9 +191,9 @@ export class RaceScene {
     return this.view.pixel ?? null;
   }
 
-  /** The length in metres of a bar that is about so many pixels long; null where no scale holds. */
+  /** The round length, in the page's unit, of a bar that is about so many pixels long; null where no scale holds. */
   scaleBar(pixels) {
-    return this.pixel === null ? null : roundStep(this.pixel * pixels);
+    return this.pixel === null ? null : roundStep(this.pixel * pixels * this.units.per_m);
   }
 }
 

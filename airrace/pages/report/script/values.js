@@ -53,11 +53,16 @@ export function indexBefore(numbers, value) {
   return low;
 }
 
-/** For every other flight its number, and a function from the first flight's time to the time lost until there, s. */
+/**
+ * For every other flight its number, and functions from the first flight's time: to the time lost until there, to the time
+ * at which the other one is there, and from that one back, s.
+ */
 export function differencesOf(differences) {
   return differences.map(({ flight, time, difference }) => {
     const [times, lost] = [numbersOf(time), numbersOf(difference)];
-    return { flight, at: (now) => interpolated(times, lost, now) };
+    const others = times.map((value, i) => value + lost[i]);
+    const at = (now) => interpolated(times, lost, now);
+    return { flight, at, there: (now) => now + at(now), back: (then) => interpolated(others, times, then) };
   });
 }
 
