@@ -153,7 +153,7 @@ class _Surroundings:
             self._take_crowd(mark)
         elif subject is Subject.SAFETY_LINE and mark.shape is PlacemarkShape.LINE:
             self._take_safety_line(mark)
-        elif subject is Subject.OBSTACLE:
+        elif subject is Subject.OBSTACLE or (subject is None and mark.shape is PlacemarkShape.POINT):
             self._take_obstacle(mark)
         elif subject is Subject.AIRSPACE and len(mark.places) > 2:
             self._take_airspace(mark)

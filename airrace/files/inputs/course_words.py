@@ -21,10 +21,10 @@ class Subject(Enum):
 
 START = "start(tor|linie|ziel)?|depart|partenza|salida"
 FINISH = "finish|(start)?ziel(tor|linie)?|arrivee|arrivo|traguardo|llegada|meta"
-KNIFE_EDGE = "knife|messer\\w*|tranche|coltello|cuchillo|vertical|vertikal\\w*|verticale"
+KNIFE_EDGE = "knife|messer\\w*|tranche|couteau|coltello|taglio|cuchillo|filo|vertical|vertikal\\w*|verticale"
 QUAD = "quads?|viereck\\w*|quadrat|carre|quadro|quadrato|cuadrado|cuadro"
 SLALOM = "slalom\\w*|eslalon|eslalom|zig ?zag|s?chi[ck]an[ea]"
-LEVEL = "level|horizontale?|waage?recht\\w*|orizzontale"
+LEVEL = "level|horizontal\\w*|waage?recht\\w*|orizzontale"
 NOUNS = (
     "gates?|airgates?|(luft|messer\\w*)?tore?|portes?|portail|port[ae]|puertas?|pylons?|pylonen?|pilon[eio]?|pilones"
 )
@@ -36,7 +36,8 @@ WORDS = (
     ),
     (
         Subject.SAFETY_LINE,
-        "(safety|dead|display|show|no fly) ?(lines?|limit|border)|deadline|(sicherheits|schutz|sperr|abstands)linien?|"
+        "(safety|dead|display|show|no fly) ?(lines?|limit|border)|deadline|"
+        "(sicherheits|schutz|sperr|abstands|flugverbots)\\w*linien?|"
         "(ligne|limite) de (securite|presentation)|(linea|limite) di (sicurezza|presentazione)|"
         "(linea|limite) de (seguridad|exhibicion|presentacion)",
     ),
@@ -48,7 +49,8 @@ WORDS = (
     (
         Subject.AIRSPACE,
         "air ?space|(race|racing|display|flying|aerobatic) (area|box|zone)|boundary|border|perimet\\w+|luftraum|"
-        "renngebiet|fluggebiet|flugraum|begrenzung|grenze|espace aerien|zone de (course|vol)|spazio aereo|"
+        "renngebiet|fluggebiet|flugraum|(renn|flug|kunstflug)box|begrenzung|grenze|"
+        "espace aerien|zone de (course|vol)|spazio aereo|"
         "(area|zona|campo) di (gara|volo)|confine|espacio aereo|(area|zona) de (carrera|vuelo)|frontera|frontiere",
     ),
     (
@@ -60,15 +62,16 @@ WORDS = (
         "\\w*mast(s|en)?|\\w*cranes?|\\w*kran|kraene|towers?|\\w*turm|tuerme|lighthouse|phare|faro|antenn?[ae]s?|antennae|"
         "chimneys?|schornstein|kamin|cheminee|ciminiera|chimenea|power ?lines?|\\w*leitung|wires?|cables?|seilbahn|"
         "lignes? (electrique|a?\\w* ?haute tension)|linea (elettrica|electrica)|(linea )?(di |de )?alta tension\\w?|"
-        "buildings?|gebae?ude|hochhaus|batiment|immeuble|edificio|bridge|brue?cke|pont|ponte|puente|(wind )?turbines?|"
-        "windrad|windkraft\\w*|eolienne|eolica|aerogenerador|trees?|baum|bae?ume|arbres?|alber[oi]|arbol(es)?|silos?|"
+        "buildings?|\\w*gebae?ude\\w*|hochhaus|"
+        "hangars?|hotels?|tralicci\\w*|batiment|immeuble|edificio|bridge|brue?cke|pont|ponte|puente|(wind )?turbines?|"
+        "windrad|windrae?der|windkraft\\w*|eolienne|eolica|aerogenerador|trees?|baum|bae?ume|arbres?|alber[oi]|arbol(es)?|silos?|"
         "tanks?|stacks?|steeple|church|kirche|eglise|clocher|chiesa|campanile|iglesia|campanario|tour|torre|grue|gru|"
         "grua|mat|pal[oi]|palo",
     ),
     (
         Subject.CROWD,
         "people|menschen\\w*|stands?|visitors?|visiteurs|visitatori|visitantes|vip|beach|\\w*strand|plage|spiaggia|"
-        "playa|promenade|lungomare|tribunes?|tribue?nen?|tribun[ae]s?|gradins|gradinata|spalti|gradas?|car park|"
+        "playa|promenade|lungomare|\\w*tribue?n\\w*|tribun[ae]s?|gradins|gradinata|spalti|gradas?|car park|"
         "parking|parkplatz|parcheggio|aparcamiento|camp(ing|site)?(platz)?",
     ),
     (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),

@@ -8,11 +8,12 @@ of the turn; in a slalom on alternate sides.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from airrace.files.inputs.course_words import (
     FINISH,
+    HEIGHT,
     KNIFE_EDGE,
     QUAD,
     SLALOM,
@@ -21,6 +22,7 @@ from airrace.files.inputs.course_words import (
     gate_words,
     has_word,
     numbers_in,
+    plain_text,
     side_in,
     without_side,
 )
@@ -250,6 +252,7 @@ class ElementImport:
 
     def take(self, marks: Sequence[Placemark]) -> list[Placemark]:
         """Take the elements; return the placemarks that may be something else."""
+        marks = [self._as_point(mark) for mark in marks]
         groups = self._groups(marks)
         members = {index for group in groups.values() for index in group}
         has_names = any(mark.named_subject is Subject.ELEMENT for mark in marks)
@@ -269,6 +272,8 @@ class ElementImport:
                 surroundings.append(mark)
             elif mark.shape is PlacemarkShape.LINE:
                 self._take_line(mark)
+            elif mark.subject is None and HEIGHT.search(plain_text(mark.name).lower()):
+                surroundings.append(mark)
             elif mark.subject is None and mark.name and has_names:
                 self.sketch.drop(mark, "its name is not that of a gate or a pylon, as names of others are")
             else:
@@ -341,8 +346,19 @@ class ElementImport:
             elif mark.name and not is_named:
                 self.sketch.guess(mark, "a gate", "its name does not say")
 
+    def _as_point(self, mark: Placemark) -> Placemark:
+        """Return the middle of an area that is called an element and as small as a pylon; others as they are."""
+        if mark.shape is not PlacemarkShape.AREA or mark.subject is not Subject.ELEMENT:
+            return mark
+        corners = self.sketch.points(mark.places)
+        length = max(distance(edge) for edge in polygons.edges(corners, closed=True))
+        if length > PYLON_SIZE_MAX:
+            return mark
+        self.sketch.guess(mark, "a pylon in its middle", f"it is {length:.0f} m long")
+        return replace(mark, shape=PlacemarkShape.POINT, places=self.sketch.geodetic([middle_of(corners)]))
+
     def _take_area(self, mark: Placemark) -> None:
-        """Take an area that is called an element: a quad by its corners, a gate along it, or a pylon in its middle."""
+        """Take an area that is called an element: a quad by its corners, or a gate along it."""
         corners = self.sketch.points(mark.places)
         begin, end = max(polygons.edges(corners, closed=True), key=distance)
         length = distance((begin, end))
@@ -351,9 +367,6 @@ class ElementImport:
             self.sketch.drop(mark, reason)
         elif has_word(_title(mark), QUAD) and len(corners) == 4:
             self._add(mark, mark.places)
-        elif length <= PYLON_SIZE_MAX:
-            self._add(mark, self.sketch.geodetic([middle_of(corners)]))
-            self.sketch.guess(mark, "a pylon in its middle", f"it is {length:.0f} m long")
         else:
             centre = middle_of(corners)
             north, east = 0.5 * (end.north - begin.north), 0.5 * (end.east - begin.east)

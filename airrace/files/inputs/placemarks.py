@@ -30,9 +30,12 @@ from airrace.flights.logs.recording import refuse
 from airrace.flights.logs.xml_document import xml_tree
 from airrace.runtime.standard_streams import name_of
 
-NAMES = ("name", "title", "label")
+NAMES = ("name", "title", "label", "titel", "bezeichnung", "nom", "titre", "nome", "titolo", "nombre")
 """Attributes that name a feature, in any case of their letters."""
-HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
+HINTS = (
+    *("kind", "type", "category", "class", "folder", "layer", "sym", "art", "typ", "kategorie", "ordner", "ebene"),
+    *("catégorie", "dossier", "couche", "tipo", "categoria", "categoría", "cartella", "livello", "carpeta", "capa"),
+)
 """Attributes that say what a feature is, likewise."""
 HINT_SEPARATOR = " / "
 """What stands between hints, from the innermost one."""

@@ -156,6 +156,10 @@ def _lines(path: str, file: IO[bytes], encoding: str) -> Iterator[str]:
             text.detach()  # the caller closes the file
 
 
+_MAC_FOLDER = "__MACOSX/"
+"""Where archives of a Mac hold what belongs to its files, under the same names."""
+
+
 def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...], what: str) -> zipfile.ZipInfo:
     """Return the first entry of an archive by the ends of its name, in small letters.
 
@@ -167,7 +171,8 @@ def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...]
     Raises:
         InputError: there is none, or it is packed by a method that may need any amount of memory.
     """
-    entry = next((file for file in archive.infolist() if file.filename.lower().endswith(suffixes)), None)
+    files = (file for file in archive.infolist() if not file.filename.startswith(_MAC_FOLDER))
+    entry = next((file for file in files if file.filename.lower().endswith(suffixes)), None)
     if entry is None:
         refuse(path, 0, f"is an archive without {what}")
     if entry.compress_type not in _METHODS:

@@ -159,8 +159,9 @@ def test_two_points_of_one_number_near_each_other_are_a_gate_and_a_guess(tmp_pat
     assert f"{first}, {second}" in [remark.name for remark in written.remarks]
 
 
-def test_pylons_of_a_gate_pair_by_number_though_one_is_called_otherwise(tmp_path: Path) -> None:
-    marks = [gate("Start", 0.0), mark("Tor 2 rechts", [(6.0, 500.0)]), mark("Pylon 2 left", [(-6.0, 500.0)])]
+def test_pylons_of_a_gate_pair_by_number_though_one_is_called_and_drawn_otherwise(tmp_path: Path) -> None:
+    base = [(-7.0, 499.0), (-5.0, 499.0), (-5.0, 501.0), (-7.0, 501.0)]
+    marks = [gate("Start", 0.0), mark("Tor 2 rechts", [(6.0, 500.0)]), mark("Pylon 2 left", base, area=True)]
     _, course = sketch(tmp_path, *marks)
     assert [type(passage.element) for passage in course.passages] == [Gate, Gate]
 
@@ -270,6 +271,7 @@ def test_an_encoding_changes_no_course(tmp_path: Path, encoding: str, *, packed:
     path = tmp_path / ("marks.kmz" if packed else "marks.kml")
     if packed:
         with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("__MACOSX/._doc.kml", b"\0\5\x16\7")
             archive.writestr("doc.kml", content)
     else:
         path.write_bytes(content)
@@ -298,3 +300,10 @@ def test_the_elevation_of_a_waypoint_is_that_of_the_origin(tmp_path: Path) -> No
     path = _file(tmp_path / "marks.gpx", f"<gpx><metadata><name>Lago</name></metadata>{points}</gpx>".encode())
     course = load_inputs(begin_course(tmp_path / "sketched", from_=path).path).race.course
     assert (course.name, course.origin.elevation) == ("Lago", 395.0)
+
+
+def test_a_point_whose_name_states_a_height_is_an_obstacle_and_a_guess(tmp_path: Path) -> None:
+    marks = [gate("Start", 0.0), gate("Gate 2", 500.0), mark("Château d'eau 30 m", [(-300.0, 0.0)])]
+    written, course = sketch(tmp_path, *marks)
+    assert [obstacle.height for obstacle in course.obstacles] == [30.0]
+    assert ("Château d'eau 30 m", "an obstacle") in [(remark.name, remark.taken_as) for remark in written.remarks]
