@@ -7,7 +7,7 @@ missing are a UsageError, what the system refuses to write is a StorageError.
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
@@ -31,6 +31,9 @@ Units = Annotated[
     str, Option("Units for people: knots or km/h, metres or feet; never of --json, --csv.", choices=tuple(UNITS))
 ]
 Drawing = str | Path | None
+CostToGo = Annotated[
+    bool, Option("Tell what was lost at every moment of the others, by the best that was left; half a minute each.")
+]
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,10 @@ def import_log(
     noise: Annotated[float | None, Option("Standard deviation of the positions; estimated by default.", "M")] = None,
     run: Annotated[int | None, Option("Which run through the course, where there are several.", "N", min=1)] = None,
     name: Annotated[str | None, Option("Which aircraft of an ACMI recording.", "NAME")] = None,
+    cost_to_go: Annotated[
+        str | Path | None,
+        Option("Tell what was lost at every moment, by the cost to go of this run's point mass.", "RUN.h5"),
+    ] = None,
     aircraft: options.Aircraft = None,
     set: options.Set = (),
     force: options.Force = False,
@@ -104,6 +111,10 @@ def import_log(
     if path is not None:
         ensure_free(path, force=True, sources=documents_of(inputs))
         view.save(path)
+    if cost_to_go is not None:
+        from airrace.runs.cost_to_go import log_loss  # loads the solver
+
+        view = replace(view, cost_to_go=log_loss(Path(cost_to_go), view))
     return view
 
 
@@ -126,6 +137,7 @@ def compare(
         Drawing,
         Option("Draw a map in the colours of the time lost, likewise.", "FILE.png", flags=("--map",), written=True),
     ] = None,
+    cost_to_go: CostToGo = False,
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> "list[Comparison]":
@@ -144,6 +156,11 @@ def compare(
     ensure_free(*drawings, force=force, sources=flights)
     reference, *more_flights = open_flights(flights, stage=options.stage_text(stage), verify=verify)
     comparisons = [compare_flights(reference, flight) for flight in more_flights]
+    if cost_to_go:
+        from airrace.runs.cost_to_go import losses_by_name  # loads the solver
+
+        losses = losses_by_name(flights, stage=options.stage_text(stage))
+        comparisons = [replace(pair, cost_to_go=loss) for pair, loss in zip(comparisons, losses, strict=True)]
     if drawings:
         from airrace.pages.views.flight_figures import comparison_figure, loss_figure
 
@@ -198,6 +215,7 @@ def report(
     envelope: Annotated[
         int, Option("Show in the scene how far N closed-loop flights in gusts stray, 95 % of them.", "N")
     ] = 0,
+    cost_to_go: CostToGo = False,
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> WrittenFlights:
@@ -207,8 +225,19 @@ def report(
 
     path, names = output_path(output, run, "html"), [str(run), *flights]
     ensure_free(path, force=force, sources=names)
+    beside: list[str] = []
+    if cost_to_go:
+        from airrace.pages.report.cost_section import cost_section
+        from airrace.runs.cost_to_go import losses_by_name  # loads the solver
+
+        beside = [cost_section(loss) for loss in losses_by_name(names, stage=options.stage_text(stage))]
     page, page_flights = report_of_flights(
-        names, stage=options.stage_text(stage), sensitivities=sensitivities, verify=verify, envelope=envelope
+        names,
+        stage=options.stage_text(stage),
+        sensitivities=sensitivities,
+        verify=verify,
+        envelope=envelope,
+        beside=beside,
     )
     write_text(path, page)
     return WrittenFlights(path, tuple(page_flights))

@@ -51,6 +51,13 @@ def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool
     return _open_with_files(texts, stage, verify)[1]
 
 
+def open_sources(texts: Sequence[str], *, stage: str | None = None) -> list[StageView | LogView]:
+    """Return the stages and logs of these names, as they are stored; errors as of `open_flights`."""
+    names = [FlightName.of(text) for text in texts]
+    opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
+    return [_source(name, opened, stage) for name in names]
+
+
 def _open_with_files(
     texts: Sequence[str], stage: str | None, verify: bool | None
 ) -> tuple[dict[Path, RunState | LogView], list[Flight]]:
@@ -265,6 +272,7 @@ def report_of_flights(
     sensitivities: bool = False,
     verify: bool = True,
     envelope: int = 0,
+    beside: Sequence[str] = (),
 ) -> tuple[str, list[Flight]]:
     """Return the page as text, and its flights.
 
@@ -275,6 +283,7 @@ def report_of_flights(
         sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
         verify: whether the stages are measured again, which takes about a second each.
         envelope: how many closed-loop flights show in the scene how far they stray; 0 for none.
+        beside: sections on the other flights, HTML.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -294,7 +303,8 @@ def report_of_flights(
             raise UsageError(f"{first.path} is a flight log: no envelope is simulated along it")
         return flight_page(flights, log_sections(run_or_log), f"airrace {flights[0].source.version}"), flights
     view = run_or_log.stage(first.stage or stage)
-    return _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope), flights
+    page = _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope, beside=beside)
+    return page, flights
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -331,9 +341,15 @@ def report_page(
 
 
 def _stage_page(
-    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int
+    run: RunState,
+    view: StageView,
+    flights: Sequence[Flight],
+    *,
+    sensitivities: bool,
+    envelope: int,
+    beside: Sequence[str] = (),
 ) -> str:
-    """Return the report about a stage of a run, with its flight and those beside it."""
+    """Return the report about a stage of a run, with its flight and those beside it; `beside` are sections on them."""
     from airrace.pages.report.flight_page import flight_page
     from airrace.pages.report.sections import claim_section
 
@@ -341,7 +357,7 @@ def _stage_page(
     sections = stage_sections(view, searched_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
-    sections = [claim_section(claim_text, verification, view.stamp), *sections]
+    sections = [*beside, claim_section(claim_text, verification, view.stamp), *sections]
     return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
 
 

@@ -187,7 +187,8 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
             for step, time in enumerate(np.linspace(begin, end, count + 1)[:-1].tolist()):
                 times.append((time, number, time == leg.before.time, own.get(begin, "") if step == 0 else ""))
     histories = {name: flight[name] for name in names if name in flight}
-    if "p_Kbar" in names and "p_Kbar" not in histories:
+    recorded = "phi" in flight and flight.basis("phi") is Basis.MEASURED  # else no rate of roll follows from the bank
+    if "p_Kbar" in names and "p_Kbar" not in histories and recorded:
         histories["p_Kbar"] = _roll_rate(flight)
     moments: list[Moment] = []
     for time, number, is_passing, cue in times:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from airrace.flights.results.comparison import Comparison, LegComparison
+from airrace.flights.results.cost_to_go import EXIT, CostToGoLoss
+from airrace.flights.results.time_loss import Cause
 from airrace.pages.views.tables import Cell, Column, Table, Value
 
 _LAPS = (
@@ -59,3 +61,27 @@ def lost_table(
         differences = ("; " if begin is None else ", ").join(difference.text for difference in leg.differences)
         rows.append((name, leg.reference.lap, *times, differences))
     return Table(title, _LEGS if begin is None else _LEGS_OF_REPORT, rows, notes)
+
+
+_COSTS = (
+    Column("leg to", key="passing"),
+    Column("lost", "s", "+z.3f", "lost_s"),
+    Column("known to", "s", ".3f", "deviation_s", rank=1),
+    Column("way", "s", "+z.3f"),
+    Column("height", "s", "+z.3f", rank=3),
+    Column("lift", "s", "+z.3f", rank=4),
+    Column("energy", "s", "+z.3f", rank=2),
+    Column("end", "s", "+z.3f"),
+)
+
+
+def cost_table(loss: CostToGoLoss, title: str = "") -> Table:
+    """Return a table of what every leg cost by the cost to go; the rows add up to the difference of the race times."""
+    rows: list[tuple[Cell | Value, ...]] = [("the start", loss.start, loss.samples[0].deviation, *[None] * 5)]
+    for leg in loss.legs:
+        causes = (Cause.WAY, Cause.HEIGHT, Cause.LIFT, Cause.ENERGY)
+        way, height, lift, energy = (leg.parts.get(cause.value) for cause in causes)
+        rows.append((leg.leg.name, leg.amount, leg.deviation, way, height, lift, energy, leg.parts[EXIT]))
+    rows.append(("race", loss.start + loss.total, None, *[None] * 5))
+    notes = ["`end` is what the state at the end of a leg costs behind it: a slow entry is lost on the leg before."]
+    return Table(title or f"lost by {loss.flight.label}, by the cost to go", _COSTS, rows, notes)
