@@ -104,16 +104,26 @@ class Continuation:
         """What had to give way, in words; empty where nothing had to."""
         if not self.solved:
             return "no better flight was found from this state than back to the optimum's line"
-        words = [f"{name} {change:+.2g} {_UNITS.get(name, '')}".rstrip() for name, change in self.changes.items()]
+        words = self._change_words()
         if not words:
             return ""
         if self.relaxed < RELAXED_MIN:
             return f"taken within the aircraft's limits: {', '.join(words)}"
         reason = f" ({self.binding})" if self.binding else ""
-        return f"no flight leads on from this state, or hardly one{reason}; the nearest begins with {', '.join(words)}"
+        return f"no flight leads on from this state, or hardly one{reason}; the nearest differs: {', '.join(words)}"
 
-
-_UNITS = {"x": "m north", "y": "m east", "z": "m down", "V_K": "m/s", "n_z": "g", "n_y": "g", "p_Kbar": "rad/s"}
+    def _change_words(self) -> list[str]:
+        """Return what has changed, in words: place and attitude as a whole, everything else by its name."""
+        changes = self.changes
+        place = math.hypot(*(changes.get(name, 0.0) for name in ("x", "y", "z")))
+        turned = math.degrees(2.0 * math.hypot(*(changes.get(name, 0.0) for name in QUATERNION)))
+        words = [f"{place:.2g} m away"] if place else []
+        words += [f"turned by {turned:.2g} deg"] if turned else []
+        for quantity in self.trajectory.states:
+            if quantity.name in changes and quantity.name not in ("x", "y", "z", *QUATERNION):
+                unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+                words.append(f"{quantity.name} {changes[quantity.name]:+.2g}{unit}")
+        return words
 
 
 @dataclass(frozen=True, eq=False)
