@@ -6,7 +6,7 @@ missing are a UsageError, what the system refuses to write is a StorageError.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, cast
@@ -168,6 +168,39 @@ def compare(
             if path is not None:
                 save_figure(figure(comparisons), Path(path))
     return comparisons
+
+
+def follow(
+    run: Annotated[str | Path, options.RUN_FILE],
+    *,
+    stage: Annotated[str | None, Option("By which it is flown on.", "STAGE", completion="stages")] = "point-mass",
+    udp: Annotated[int | None, Option("Read datagrams at this port of 127.0.0.1.", "PORT", min=1, max=65535)] = None,
+    replay: Annotated[str | None, Option("Replay this flight instead: a log, or RUN.h5:STAGE.", "FLIGHT")] = None,
+    speed: Annotated[float, Option("Of a replay, as times as fast; 0 for without a pause.", "N", min=0)] = 1.0,
+    gates: Annotated[int, Option("So many gates ahead the line leads.", "N", min=1)] = 3,
+    every: Annotated[float, Option("The least time between two answers.", "S", min=0.05)] = 0.5,
+) -> "Iterator[dict[str, object]]":
+    """Follow a flight while it is flown: gap, cost to go, next cues and the line of the next gates, as JSON lines.
+
+    States come from standard input, as JSON lines or NMEA sentences, or as datagrams, X-Plane's data output among them.
+
+    Raises:
+        UsageError: the stage is no optimum, or the port is taken.
+    """
+    from airrace.errors import UsageError
+    from airrace.runs.flight_sources import open_flights, open_sources
+    from airrace.runs.follow import follow_stream, replayed, standard_input, udp_port
+    from airrace.runs.stage_view import StageView
+
+    (view,) = open_sources([str(run)], stage=stage)
+    if not isinstance(view, StageView):
+        raise UsageError(f"{run} is a flight log: a run is followed by its optimum")
+    if udp is not None and replay is not None:
+        raise UsageError("--udp and --replay exclude each other")
+    messages = standard_input() if udp is None else udp_port(udp)
+    if replay is not None:
+        messages = replayed(open_flights([str(run), replay])[1], every=every, speed=speed)
+    return follow_stream(view, messages, gates=gates, every=every)
 
 
 def plot(

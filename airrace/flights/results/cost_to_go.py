@@ -18,7 +18,7 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.flights.results.comparison import Comparison, compare_flights
-from airrace.flights.results.cues import cues_of
+from airrace.flights.results.cues import Action, cues_of
 from airrace.flights.results.derivation import LONGEST_STEP, complete_histories
 from airrace.flights.results.flight import Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
 from airrace.flights.results.time_loss import CAUSE_MIN, CAUSE_SHARE, LEGS_MAX, LOSS_MIN, WORDS, Cause, loss_parts
@@ -178,7 +178,7 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     cues = cues_of(flight)
     times: list[tuple[float, int, bool, str]] = []
     for number, leg in enumerate(legs_of(flight)):
-        own = {cue.time: _cue_name(cue.actions[0]) for cue in cues if cue.leg.number == leg.number}
+        own = {cue.time: action_name(cue.actions[0]) for cue in cues if cue.leg.number == leg.number}
         marks = sorted({leg.before.time, *own, leg.after.time})
         for begin, end in itertools.pairwise(marks):
             if end - begin < SAME_MOMENT and begin != leg.before.time:
@@ -198,7 +198,8 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     return moments
 
 
-def _cue_name(action: object) -> str:
+def action_name(action: Action) -> str:
+    """Return the name of what a cue begins with."""
     return {"RollAction": "the roll", "Pull": "the pull", "Apex": "the top"}[type(action).__name__]
 
 
