@@ -13,6 +13,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from airrace.flights.results.time_loss import CAUSE_MIN, CAUSE_SHARE, LEGS_MAX, 
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure import stored_stages
-from airrace.procedure.cost_to_go import Continuation
 from airrace.procedure.result import StageResult
+
+if TYPE_CHECKING:  # what solves is not needed to show what was lost
+    from airrace.procedure.cost_to_go import Continuation
 
 LONGEST_GAP = 0.5
 """The longest time between two states whose cost to go is computed, s."""
@@ -212,7 +215,7 @@ def _roll_rate(flight: Flight) -> Array:
     return 2.0 * (q0 * d1 - q1 * d0 - q2 * d3 + q3 * d2)
 
 
-def cost_deviation(continuation: Continuation, state: Mapping[str, float], known: Mapping[str, float]) -> float:
+def cost_deviation(continuation: "Continuation", state: Mapping[str, float], known: Mapping[str, float]) -> float:
     """Return the standard deviation of a cost to go by those of the state, s.
 
     Args:
@@ -230,7 +233,7 @@ def cost_deviation(continuation: Continuation, state: Mapping[str, float], known
     return math.hypot(*parts)
 
 
-def continued_flight(flight: Flight, time: float, continuation: Continuation, optimum: StageResult) -> Flight:
+def continued_flight(flight: Flight, time: float, continuation: "Continuation", optimum: StageResult) -> Flight:
     """Return a flight as flown up to a time and optimal from there on.
 
     Args:
@@ -265,7 +268,7 @@ def continued_flight(flight: Flight, time: float, continuation: Continuation, op
 def losses_of(
     flight: Flight,
     moments: Sequence[Moment],
-    continuations: Sequence[Continuation],
+    continuations: "Sequence[Continuation]",
     deviations: Sequence[Mapping[str, float]],
     optimum: StageResult,
     against: str,
@@ -306,7 +309,7 @@ def losses_of(
     return CostToGoLoss(flight, against, optimum.trajectory.race_time, tuple(samples), tuple(legs))
 
 
-def continuation_state(continuation: Continuation) -> dict[str, float]:
+def continuation_state(continuation: "Continuation") -> dict[str, float]:
     """Return the state in which a continuation begins."""
     trajectory = continuation.trajectory
     return {quantity.name: float(trajectory[quantity.name][0]) for quantity in trajectory.states}
