@@ -24,7 +24,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from airrace.flights.logs.quality import VERTICAL_RATIO, ReceiverAccuracy
@@ -310,9 +309,9 @@ class CommonErrors:
     ) -> _Fit:
         """Return the errors of the least cost that the search finds, with one more passing that is legal for certain.
 
-        The cost of a breach is concave in the square of its deviations, so that the tangent there is a majorant: weighted
-        squares, whose minimum never costs more. The cost has many minima. The search begins where some weights are
-        known, and where an offset alone costs least.
+        The cost of a passing is concave in the square of its deviations, so that its tangent there, weighted squares,
+        is a majorant, whose minimum never costs more. The cost has many minima: the search begins with weights that
+        are known, and with those of the offset that alone costs least.
 
         Args:
             rows: the windows that count.
