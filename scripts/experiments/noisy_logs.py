@@ -35,9 +35,9 @@ from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
 from airrace.flights.logs.violations import as_judged, beyond, height_window
+from airrace.flights.results import Flight, TimedCrossing
 from airrace.optimal_control.quantities import Interval
 from airrace.procedure.stored_stages import sampler
-from airrace.flights.results import Flight, TimedCrossing
 
 LEAD = 4.0
 """The time of straight flight before the start and behind the finish, s."""
@@ -348,7 +348,10 @@ def main() -> None:
             count.refused += 1
             print(f"{label}: {error}", file=sys.stderr, flush=True)
             continue
+        before = len(count.false), len(count.lost)
         count.take(flown, optimum.flight, draw, label)
+        for line in (*count.false[before[0] :], *count.lost[before[1] :]):
+            print(line, file=sys.stderr, flush=True)
     print("| logs | refused | false certain violations | certain breaches | breaches by 5 deviations | found |")
     print("|---|---|---|---|---|---|")
     found = count.breaches - len(count.lost)

@@ -50,8 +50,6 @@ OFFSET_REPORTED = 0.2
 """The offset from which on it is reported, m."""
 DEVIATION_MIN = 1e-3
 """The least deviation of a passing, m."""
-SEARCHED = 0.5 * 4.0**2
-"""The growth of the cost from which on the search is thorough: what is certain (5 deviations) is beyond it."""
 BREACH_SHARE = 0.1
 """The share of its weight below which a passing counts as a breach."""
 STEPS, SETTLED = 50, 1e-3
@@ -196,28 +194,27 @@ class CommonErrors:
         if not math.isfinite(window.deviation):
             return Judgement(0.0, 0.0)
         judged, registered = self._in_all(window), float(self.registration @ window.direction)
-        rows = [
-            row
-            for row, other in enumerate(self.windows)
-            if (other.passing, other.is_height) != (window.passing, window.is_height)
-        ]
+        own = np.array(
+            [(row.passing, row.is_height) == (window.passing, window.is_height) for row in self.windows], np.bool_
+        )
+        rows = np.flatnonzero(~own).tolist()
         towards = self._covariance([judged], [self.windows[row] for row in rows])[0]
-        starts = [self._fit.share[rows]]
-        without = within = self._least(rows, None, starts, thorough=False)
+        without = _Fit(self._fit.cost, self._fit.force[rows], self._fit.share[rows])
+        if self._fit.force[own].any():  # else the errors are the same without it
+            without = self._least(rows, None, [without.share], thorough=False)
+        starts, within = [without.share], without
         for thorough in (False, True):
-            without = min(without, self._least(rows, None, starts, thorough=thorough), key=lambda fit: fit.cost)
+            if thorough:
+                # A search that ends too early would accuse: others may be breaches, each in turn, and all of them.
+                without = min(without, self._least(rows, None, starts), key=lambda fit: fit.cost)
+                alone = [np.where(np.arange(len(rows)) == row, 0.0, without.share) for row in range(len(rows))]
+                starts = [without.share, within.share[:-1], *alone, np.zeros(len(rows))]
             shift = float(towards @ without.force)
             if judged.lower <= shift <= judged.upper:
                 return Judgement(shift - registered, 0.0)
-            starts = [without.share, *starts]
-            legal_starts = [np.append(share, 1.0) for share in [*starts, np.zeros(len(rows))]]
-            within = self._least(rows, judged, legal_starts, thorough=thorough)
-            if within.cost < without.cost + SEARCHED:
+            within = self._least(rows, judged, [np.append(share, 1.0) for share in starts], thorough=thorough)
+            if within.cost < without.cost + BREACH_COST:  # no other breach explains it for less
                 break
-            # A search that ends too early would accuse: what the others may be breaches of decides, each in turn.
-            starts += [np.where(np.arange(len(rows)) == row, 0.0, without.share) for row in range(len(rows))]
-        without = min(without, self._least(rows, None, [within.share[:-1]], thorough=False), key=lambda fit: fit.cost)
-        shift = float(towards @ without.force)
         return Judgement(shift - registered, math.sqrt(max(2.0 * (within.cost - without.cost), 0.0)))
 
     @property
