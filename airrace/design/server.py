@@ -20,7 +20,8 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from airrace.design.designer import ChangedOnDisk, Designer, StaleRevision
+from airrace.design.designer import Designer
+from airrace.design.track_file import ChangedOnDisk, StaleRevision
 from airrace.errors import AirraceError, InputError
 
 FOLDER = Path(__file__).parent
@@ -43,6 +44,8 @@ MESSAGE_MAX = 256 * 1024
 STATE_TIMEOUT, STATE_POLL_INTERVAL = 20.0, 0.02
 """The time for which a page waits for another state, and between two looks for it, s."""
 TOKEN_BYTES = 24
+REASON_MAX = 1000
+"""The longest reason of a refusal, characters."""
 
 
 class _Guard:
@@ -85,6 +88,9 @@ class _Guard:
 
 
 def _refusal(status: int, text: str) -> Response:
+    text = f"{text:.{REASON_MAX}}".encode(
+        errors="replace"
+    ).decode()  # it may quote what was sent, half a character even
     return JSONResponse({"error": text}, status, headers=HEADERS)
 
 
@@ -107,7 +113,9 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
 
     async def act(request: Request) -> Response:
         try:
-            await run_in_threadpool(designer.do, request.path_params["action"], json.loads(await request.body()))
+            answer = await run_in_threadpool(
+                designer.do, request.path_params["action"], json.loads(await request.body())
+            )
         except (ValueError, RecursionError):
             return _refusal(400, "the message is no JSON")
         except ChangedOnDisk as error:
@@ -120,7 +128,7 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
             return _refusal(422, "; ".join(texts))
         except AirraceError as error:
             return _refusal(422, str(error))
-        return JSONResponse({"version": designer.version, "revision": designer.track.revision}, headers=HEADERS)
+        return JSONResponse(answer, headers=HEADERS)
 
     async def picture(request: Request) -> Response:
         try:
@@ -154,14 +162,23 @@ class DesignServer:
     """
 
     def __init__(self, designer: Designer, port: int = 0) -> None:
-        """Take a port; 0 for one that is free.
+        """Take a port; 0 for that of a designer that was killed, with its token, or for one that is free.
 
         Raises:
             OSError: the port is taken.
         """
-        self._socket = socket.create_server((LOOPBACK, port))
-        port = self._socket.getsockname()[1]
+        left = designer.address_file
         token = secrets.token_urlsafe(TOKEN_BYTES)
+        try:
+            self._socket = socket.create_server((LOOPBACK, port or left.port))
+        except OSError:
+            if port or not left.port:
+                raise
+            self._socket = socket.create_server((LOOPBACK, 0))
+        port = self._socket.getsockname()[1]
+        if port == left.port:
+            token = left.token
+        left.write(port, token)
         self.address = f"http://{LOOPBACK}:{port}/{token}/"
         hosts = (f"{LOOPBACK}:{port}", f"localhost:{port}")
         app = application(designer, hosts, token, lambda: self._server.should_exit)

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from three_gates import COURSE
 
-from airrace.design.designer import Designer, TrackFile
+from airrace.design.designer import Designer
 from airrace.design.pieces import layout_of
+from airrace.design.track_file import TrackFile
 from airrace.errors import InputError, UsageError
 from airrace.files.inputs import load_inputs
 
