@@ -29,6 +29,8 @@ METRIC_DECIMALS, GEODETIC_DECIMALS = 2, 7
 """The decimals of positions, m and degrees: a centimetre either way."""
 TURNS = ("heading_deg", "pass_side_deg")
 """The keys that say how a piece is turned."""
+GROUPS = ("gates", "obstacles", "crowd", "safety_lines")
+"""The groups of the track file whose entries are pieces."""
 KINDS = ("level", "knife-edge", "pylon", "obstacle", "crowd", "safety line", "airspace")
 """What can be added."""
 
@@ -215,7 +217,7 @@ def layout_of(inputs: Inputs) -> EditableCourse:
     for obstacle in course.obstacles:
         drawings[f"obstacles {obstacle.name}"] = ((*obstacle.outline, obstacle.outline[0]),)
     entries = list[tuple[KeyPath, Any, str]]()
-    for group in ("gates", "obstacles", "crowd", "safety_lines"):
+    for group in GROUPS:
         members: dict[str, Plain] = plain.get(group) or {}
         kind = group.replace("_", " ").rstrip("s")
         entries += [((group, name), entry, entry.get("type", kind)) for name, entry in members.items()]

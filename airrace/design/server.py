@@ -21,8 +21,9 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from airrace.design.designer import Designer
+from airrace.design.pieces import GROUPS
 from airrace.design.track_file import ChangedOnDisk, StaleRevision
-from airrace.errors import AirraceError, InputError
+from airrace.errors import AirraceError, Finding, InputError
 
 FOLDER = Path(__file__).parent
 LOOPBACK = "127.0.0.1"
@@ -87,6 +88,13 @@ class _Guard:
         return None
 
 
+def _reason(finding: Finding) -> str:
+    """Return a fault of the course, with pieces named as they are drawn: without the group of the file."""
+    group, _, name = finding.key.partition(".")
+    key = name if group in GROUPS and name else finding.key
+    return f"{key}: {finding.message}" if key else finding.message
+
+
 def _refusal(status: int, text: str) -> Response:
     text = f"{text:.{REASON_MAX}}".encode(
         errors="replace"
@@ -124,8 +132,7 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
             return _refusal(409, str(error))
         except InputError as error:
             findings = error.findings[:5]
-            texts = [f"{finding.key}: {finding.message}" if finding.key else finding.message for finding in findings]
-            return _refusal(422, "; ".join(texts))
+            return _refusal(422, "; ".join(map(_reason, findings)))
         except AirraceError as error:
             return _refusal(422, str(error))
         return JSONResponse(answer, headers=HEADERS)

@@ -175,7 +175,7 @@ class TrackFile:
             InputError: it is not valid; it stays on the disk.
         """
         if self.offer is not None:
-            self._put(self.offer)
+            self._put(self.offer)  # which writes it again, so that it is no offer any more
 
     def discard_offer(self) -> None:
         """Remove the text that is offered."""
@@ -184,7 +184,8 @@ class TrackFile:
 
     def _put(self, text: str) -> None:
         document = Document(self.document.path, text)
-        self._push(_Step(layout_of(load_inputs(document, aircraft=self.aircraft))))
+        if document != self.document:
+            self._push(_Step(layout_of(load_inputs(document, aircraft=self.aircraft))))
 
     def _push(self, step: _Step, *, continues: bool = False) -> None:
         before = self._step

@@ -127,10 +127,10 @@ const points = (line) => line.map(([north, east]) => `${east.toFixed(2)},${(-nor
 const colour = (share) => `hsl(${(230 * (1 - share)).toFixed(0)} 75% 48%)`;
 
 export class Plan {
-  constructor(svg, { ask, changed, chosen, click }) {
-    Object.assign(this, { svg, ask, changed, chosen, click });
+  constructor(svg, { ask, changed, chosen, click, tell }) {
+    Object.assign(this, { svg, ask, changed, chosen, click, tell });
     this.state = null;
-    this.hand = null;
+    this.hands = [];  // the last one may be on a piece still; those before it wait until the state shows what they did
     this.choice = null;
     this.arrows = true;
     this.view = null;  // middle and metres per pixel
@@ -141,16 +141,21 @@ export class Plan {
     new ResizeObserver(() => this.draw()).observe(svg);
   }
 
+  get hand() {
+    return this.hands.at(-1) ?? null;
+  }
+
   show(state) {
+    const restarted = this.state && this.state.designer !== state.designer;  // its revisions count from 0 again
     this.state = state;
-    if (this.hand?.sent !== undefined && state.revision >= this.hand.sent) this.hand = null;
+    this.hands = this.hands.filter(({ sent = Infinity }) => sent === Infinity || (!restarted && state.revision < sent));
     if (!this.view && this.pieces().some((one) => one.spots.length)) this.fit();
     this.draw();
   }
 
   // All pieces as they stand, some perhaps in the hand.
   pieces() {
-    const held = new Map((this.hand?.all() ?? []).map((one) => [key(one.path), one]));
+    const held = new Map(this.hands.flatMap((hand) => hand.all()).map((piece) => [key(piece.path), piece]));
     return this.state.pieces.map((one) => held.get(key(one.path)) ?? one);
   }
 
@@ -206,8 +211,9 @@ export class Plan {
     const piece = this.pieces().find((one) => key(one.path) === target.dataset.piece);
     const corner = event.target.dataset.corner;
     const spot = corner && piece.spots.find((one) => key(one.path) === corner);
-    this.hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset,
+    const hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset,
       others: together(piece, this.pieces()) });
+    this.hands.push(hand);
     this.choose(piece.path);
   }
 
@@ -233,9 +239,9 @@ export class Plan {
     if (!hand || hand.sent !== undefined) return;
     hand.sent = Infinity;
     this.send();
-    const said = await hand.sending;
-    if (this.hand !== hand) return;
-    hand.sent = said?.revision ?? -1;  // it is held until the state shows what it has done
+    const answer = await hand.sending;
+    hand.sent = answer?.revision ?? -1;  // it is held until the state shows what it has done
+    if (answer && !answer.done) this.tell(`${hand.piece.path.at(-1)} stays where it was: ${answer.error}`);
     this.show(this.state);
     this.changed();
   }
