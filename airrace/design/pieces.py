@@ -56,6 +56,7 @@ class Piece:
         entry: its entry as it stands in the file.
         strokes: lines to be drawn, north and east, m; a single point is a post.
         closed: whether its spots are corners of an area.
+        distance: to be kept from it, m; of a safety line the margin.
     """
 
     path: KeyPath
@@ -65,6 +66,7 @@ class Piece:
     entry: Any  # JSON
     strokes: tuple[tuple[tuple[float, float], ...], ...] = ()
     closed: bool = False
+    distance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -216,6 +218,10 @@ def layout_of(inputs: Inputs) -> EditableCourse:
         drawings[element.base_name] = drawings.get(element.base_name, ()) + strokes
     for obstacle in course.obstacles:
         drawings[f"obstacles {obstacle.name}"] = ((*obstacle.outline, obstacle.outline[0]),)
+    distances = {("crowd", crowd.name): crowd.distance for crowd in course.crowd}
+    distances |= {("obstacles", obstacle.name): obstacle.clearance for obstacle in course.obstacles}
+    for passage in course.passages:
+        distances |= {("safety_lines", line.name): line.margin for line in passage.safety_lines}
     entries = list[tuple[KeyPath, Any, str]]()
     for group in GROUPS:
         members: dict[str, Plain] = plain.get(group) or {}
@@ -229,7 +235,8 @@ def layout_of(inputs: Inputs) -> EditableCourse:
         drawing = drawings.get(str(path[-1]) if path[0] == "gates" else f"obstacles {path[-1]}", ())
         strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawing)
         closed = kind == "airspace" or "polygon" in entry
-        pieces.append(Piece(path, kind, tuple(_spots(path, entry, course.origin)), turn, entry, strokes, closed))
+        spots, distance = tuple(_spots(path, entry, course.origin)), distances.get((str(path[0]), str(path[-1])), 0.0)
+        pieces.append(Piece(path, kind, spots, turn, entry, strokes, closed, distance))
     return EditableCourse(inputs, plain, tuple(references), tuple(pieces))
 
 

@@ -123,7 +123,8 @@ def test_a_killed_solver_a_limit_that_is_refused_and_a_lost_link_lose_nothing(de
         if any("airrace" in word for word in process.cmdline()):
             process.kill()
     desk.drag("gates.corner", 4.0, -3.0)
-    assert desk.settle() > before
+    dragged = desk.settle()
+    assert dragged > before
     # The old line stays, grey, and the page says what is wrong.
     desk.page.evaluate("() => window.designer.link.ask('values', { values: { 'rules.n_z_max': 0.2 } })")
     desk.page.wait_for_selector("g.old .line")
@@ -133,11 +134,13 @@ def test_a_killed_solver_a_limit_that_is_refused_and_a_lost_link_lose_nothing(de
     desk.page.context.set_offline(True)
     desk.drag("gates.corner", -4.0, 3.0)
     desk.page.wait_for_selector("#link.lost")
-    desk.page.context.set_offline(False)
-    desk.page.wait_for_selector("#link:not(.lost)", state="attached")
+    assert desk.designer.track.revision == 1
+    desk.page.context.set_offline(False)  # what was dragged meanwhile is handed back
+    desk.page.wait_for_function("() => window.designer.link.state.revision === 2")
+    assert desk.settle() == pytest.approx(before, abs=1e-3)
     other = desk.page.context.new_page()
     other.goto(desk.page.url)
     other.wait_for_function(SETTLED)
     other.evaluate("() => window.designer.link.ask('undo')")
-    desk.page.wait_for_function("() => window.designer.link.state.revision === 2")
-    assert desk.settle() == pytest.approx(before, abs=1e-4)
+    desk.page.wait_for_function("() => window.designer.link.state.revision === 3")
+    assert desk.settle() == pytest.approx(dragged, abs=1e-4)

@@ -1,6 +1,8 @@
 // The course from above, north up, and the hand on it: where pieces and their turns are while it moves, before the server
 // knows, and a picture or placemarks below, placed by two points.
 
+import { element, keptClear, marginalia, points, windOf } from "./surroundings.js";
+
 const key = (path) => path.join(".");
 
 const middle = (spots) => ({
@@ -110,19 +112,11 @@ function gain(session, piece) {
   return sum;
 }
 
-const SPACE = "http://www.w3.org/2000/svg";
 const REST_MS = 150;
 const GRIP = 14, LABEL = 12, ARROW = 46, TURN = 44, SNAP = 12;  // pixels
 const LEAST_GAIN = 0.5;  // ms per metre, below which no arrow is drawn
 const COLOURS = 8;
 
-const element = (name, attributes = {}, ...children) => {
-  const made = document.createElementNS(SPACE, name);
-  for (const [one, value] of Object.entries(attributes)) made.setAttribute(one, value);
-  made.append(...children);
-  return made;
-};
-const points = (line) => line.map(([north, east]) => `${east.toFixed(2)},${(-north).toFixed(2)}`).join(" ");
 // From blue, unloaded, to red.
 const colour = (share) => `hsl(${(230 * (1 - share)).toFixed(0)} 75% 48%)`;
 
@@ -273,9 +267,11 @@ export class Plan {
     const pieces = this.pieces();
     this.svg.replaceChildren(
       ...this.below(),
+      ...pieces.filter((piece) => piece.spots.length).flatMap((piece) => keptClear(piece, scale)),
       ...this.state.sessions.flatMap((session, index) => this.line(session, index)),
       ...pieces.filter((one) => one.spots.length).map((one) => this.piece(one)),
       ...(this.arrows ? pieces.flatMap((one) => this.arrow(one)) : []),
+      marginalia(this.view, box, windOf(this.state)),
     );
   }
 
@@ -339,7 +335,8 @@ export class Plan {
     if (!piece.closed) {
       group.append(element("circle", { class: "grip", cx: centre.east, cy: -centre.north, r: GRIP * scale }));
     }
-    group.append(this.label(String(piece.path.at(-1)), centre.north, centre.east));
+    const height = piece.path[0] === "obstacles" ? ` ${piece.entry.height_m} m` : "";
+    group.append(this.label(`${piece.path.at(-1)}${height}`, centre.north, centre.east));
     if (chosen) this.handles(piece, group, centre);
     return group;
   }
