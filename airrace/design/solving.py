@@ -132,6 +132,8 @@ class AircraftSession:
         except (AirraceError, CancelledError) as error:
             problem = str(error)
         except Exception as error:
+            if self._closed:  # pools that end with the program refuse what this thread still asks of them
+                return
             logger.exception("the layout cannot be solved")
             problem = f"{type(error).__name__}: {error}"
         if problem:

@@ -72,6 +72,20 @@ def test_a_session_that_is_closed_takes_no_more_requests(track: Path) -> None:
     assert session._request is None
 
 
+def test_an_error_after_the_end_is_nobodys_concern(track: Path, caplog: pytest.LogCaptureFixture) -> None:
+    session = AircraftSession(None, lambda: None)
+
+    def fail() -> None:
+        raise RuntimeError("cannot schedule new futures after interpreter shutdown")
+
+    session._guard(fail)
+    assert "the layout cannot be solved" in caplog.text
+    caplog.clear()
+    session.close()
+    session._guard(fail)
+    assert not caplog.text
+
+
 def test_no_change_that_one_of_several_threads_shows_is_lost(still: Designer, track: Path) -> None:
     session = AircraftSession(None, still._raise_version)
     session._request = LayoutRequest(0, TrackFile(track).document, ())

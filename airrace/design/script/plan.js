@@ -332,6 +332,9 @@ export class Plan {
       else group.append(element("circle", { class: "post", cx: stroke[0][1], cy: -stroke[0][0], r: Math.max(2.5 * scale, 1) }));
     }
     const centre = middle(piece.spots);
+    if (piece.path[0] !== "gates" && corners.length === 1) {
+      group.append(element("circle", { class: "post", cx: centre.east, cy: -centre.north, r: 2.5 * scale }));
+    }
     if (!piece.closed) {
       group.append(element("circle", { class: "grip", cx: centre.east, cy: -centre.north, r: GRIP * scale }));
     }
