@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from airrace.design.address import AddressFile
-from airrace.design.edits import Put
+from airrace.design.course_form import DIRECTIONS, direct_passing, fields_of, move_passing, passing_items, set_field
 from airrace.design.pieces import KINDS, Spot
 from airrace.design.solving import SLIDERS, WIND, AircraftSession, LayoutRequest
 from airrace.design.track_file import TrackFile
@@ -112,6 +112,9 @@ class Designer:
                 "redo": len(track.redo_stack),
                 "pieces": [asdict(piece) for piece in track.layout.pieces],
                 "kinds": KINDS,
+                "form": [asdict(field) for field in fields_of(track.layout.plain)],
+                "passings": [asdict(item) for item in passing_items(track.layout)],
+                "directions": DIRECTIONS,
                 "values": self._values,
                 "sessions": [session.result() for session in self._sessions],
                 "aircraft": AIRCRAFT.names,
@@ -157,11 +160,23 @@ class Designer:
                 turns = {_path(turn["path"]): _number(turn["degrees"]) for turn in message["turns"]}
                 track.edit(message["revision"], track.layout.moved(places, turns), _text(message.get("gesture", "")))
             case "set":
-                path, value = _path(message["path"]), _text(message["value"], str, int, float, bool)
+                path, value = _path(message["path"]), message["value"]
+                if value is not None:
+                    _text(value, str, int, float, bool)
                 if isinstance(value, int | float) and not isinstance(value, bool):
                     _number(value)
-                piece = track.layout.piece(path[:-1])
-                track.edit(message["revision"], [Put((*piece.path, path[-1]), value)])
+                if path[0] in ("course", "rules"):
+                    edits = set_field(track.layout.plain, path, value)
+                else:
+                    edits = track.layout.setting(path, value)
+                track.edit(message["revision"], edits)
+            case "passing":
+                path = _path(message["path"])
+                if "direction" in message:
+                    edits = direct_passing(track.layout, path, _text(message["direction"]))
+                else:
+                    edits = move_passing(track.layout, path, _text(message["later"], bool))
+                track.edit(message["revision"], edits)
             case "add":
                 at = Point(_number(message["north"]), _number(message["east"]))
                 track.edit(message["revision"], track.layout.addition(_text(message["kind"]), at))

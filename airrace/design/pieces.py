@@ -104,6 +104,22 @@ class EditableCourse:
                 return piece
         raise UsageError(f"there is no {dotted(path)}")
 
+    def setting(self, path: KeyPath, value: object) -> list[Edit]:
+        """Return the edit that gives an entry of a piece a value, as deep in it as the file has one already.
+
+        Raises:
+            UsageError: there is no such piece, or nothing there.
+        """
+        piece = next((piece for piece in self.pieces if piece.path == path[: len(piece.path)]), None)
+        holder: Any = None if piece is None else piece.entry
+        for part in path[len(piece.path) : -1] if piece else ():
+            holder = holder[part]
+        if piece is None or path == piece.path or value is None:
+            raise UsageError(f"there is no {dotted(path)}")
+        if isinstance(holder, list) or (len(path) > len(piece.path) + 1 and path[-1] not in holder):
+            raise UsageError(f"there is no {dotted(path)}")
+        return [Put(path, value)]
+
     def removal(self, path: KeyPath) -> list[Edit]:
         """Return the edits that remove a piece, and its passings; `UsageError` for the start and the finish."""
         group, name = self.piece(path).path[0], path[-1]
