@@ -72,7 +72,8 @@ def desk(track: Path) -> Iterator[Desk]:
     server.stop()
     thread.join()
     designer.close()
-    assert [one for one in said if "net::ERR" not in one] == []  # which a lost link is
+    expected = ("net::ERR", "status of 422")  # a lost link, a refusal
+    assert [text for text in said if not any(part in text for part in expected)] == []
 
 
 @pytest.mark.representative
@@ -115,6 +116,35 @@ def test_gates_of_two_names_that_are_one_pylon_move_together(desk: Desk) -> None
       return together(all[0], all).map((one) => one.path[1]);
     }""")
     assert found == ["b"]
+
+
+@pytest.mark.representative
+def test_a_refused_drag_goes_back_with_its_reason_and_forms_change_the_file(desk: Desk, track: Path) -> None:
+    page, file = desk.page, desk.designer.track
+    page.wait_for_function("() => window.designer.plan.view")
+    page.evaluate("() => { window.designer.plan.view.scale = 1e4; window.designer.plan.draw(); }")
+    desk.drag("gates.last", 3e6, 0.0)  # which lies above the others there
+    page.wait_for_selector("#told:not([hidden])")
+    page.wait_for_function("() => !window.designer.plan.hand")
+    assert page.locator("#told").inner_text().startswith("last stays where it was: last.pylons.0.north_m")
+    norths = [piece["spots"][0]["north"] for piece in page.evaluate("() => window.designer.plan.pieces()")]
+    assert (norths, file.document.text) == ([0.0, 420.0, 700.0], track.read_text())
+    page.evaluate("() => { for (const details of document.querySelectorAll('details')) details.open = true; }")
+    for name, value in (("rules.floor_m", "12"), ("course.laps", "2"), ("rules.floor_m", "")):
+        revision = file.revision
+        page.fill(f'#race [name="{name}"]', value)
+        page.keyboard.press("Enter")
+        page.wait_for_function("(before) => window.designer.link.state.revision > before", arg=revision)
+    page.click("#order tr:nth-child(2) button[title=later]")
+    page.wait_for_function("() => window.designer.link.state.passings[1].gate === 'last'")
+    page.evaluate("() => window.designer.plan.choose(['gates', 'last'])")
+    page.fill('#piece [name="pylons.1.east_m"]', "318")
+    page.keyboard.press("Enter")
+    page.wait_for_function("() => !window.designer.link.pending.length && window.designer.link.state.revision === 5")
+    names = [passage.name for passage in file.layout.inputs.race.course.passages]
+    assert names == ["0:start", "1:last", "1:corner", "2:last", "2:corner"]
+    assert "floor_m" not in file.document.text
+    assert file.layout.piece(("gates", "last")).spots[1].east == 318.0
 
 
 def test_a_killed_solver_a_limit_that_is_refused_and_a_lost_link_lose_nothing(desk: Desk) -> None:

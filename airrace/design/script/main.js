@@ -1,6 +1,6 @@
 // The page of the designer: a view of the state that the server has, and the link to it.
 
-import { showSessions, showPiece, showSliders, showTables } from "./panels.js";
+import { showPiece, showRace, showSessions, showSliders, showTables } from "./panels.js";
 import { Placing, Plan } from "./plan.js";
 
 const RETRY_MS = 1000;
@@ -142,6 +142,7 @@ function show(state) {
   showTables(state);
   showSliders(state, ask);
   showPiece(plan.chosenPiece(), ask);
+  showRace(state, ask);
   showScene(state.sessions[0]);
 }
 
