@@ -67,8 +67,11 @@ def begin_course(
     ] = None,
     from_: Annotated[
         str | Path | None,
-        Option("Sketch the course from KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP, in race order.", "FILE"),
+        Option("Sketch the course from placemarks: KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP.", "FILE"),
     ] = None,
+    yes: Annotated[
+        bool, Option("Leave out placemarks that are, or may be, people or safety lines; else they are refused.")
+    ] = False,
     force: options.Force = False,
 ) -> "CourseFile":
     """Write a course to begin with.
@@ -79,7 +82,7 @@ def begin_course(
     """
     from airrace.runs import courses
 
-    return courses.begin_course(name, like=like, from_=from_, force=force)
+    return courses.begin_course(name, like=like, from_=from_, yes=yes, force=force)
 
 
 def tracks() -> "tuple[ShippedTrack, ...]":

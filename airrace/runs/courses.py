@@ -1,5 +1,6 @@
 """Courses before the race: the shipped ones, a new file to begin with, and the check of a course."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import resources
@@ -7,10 +8,11 @@ from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.files.inputs import Inputs, load_inputs
-from airrace.files.inputs.course_import import ImportRemark, sketch_course
+from airrace.files.inputs.course_import import sketch_course
 from airrace.files.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Document
+from airrace.files.inputs.import_sketch import ImportRemark
 from airrace.files.inputs.json_schema import schema_text
-from airrace.files.inputs.placemarks import read_placemarks
+from airrace.files.inputs.placemarks import read_placemark_file
 from airrace.files.inputs.rules import preset_names
 from airrace.flights.results import Flight
 from airrace.flights.results.clearances import Clearance
@@ -131,6 +133,7 @@ def init(
     *,
     like: str | Path | None = None,
     from_: str | Path | None = None,
+    yes: bool = False,
     force: bool = False,
 ) -> Path:
     """Write a track file to begin with, and beside it the schema by which editors complete its keys.
@@ -141,6 +144,7 @@ def init(
         from_: a file of placemarks (KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP) from which the course is sketched;
             None for none. The last lines of the file tell its guesses, what is not taken over, and what is to be put
             right before the course can be flown.
+        yes: whether placemarks may be left out that are, or may be, people or safety lines.
         force: whether existing files are overwritten. A schema that is already what it should be is none of them.
 
     Returns:
@@ -149,14 +153,20 @@ def init(
     Raises:
         UsageError: a file exists and `force` is not given, or is read; the name is one of a folder; or a course is to
             be copied and to be sketched.
-        InputError: there is no such course to be copied, or the placemarks make none.
+        InputError: there is no such course to be copied, or the placemarks make none; or some that may keep aircraft
+            from people would be left out, and `yes` is not given.
         StorageError: the folder does not exist or takes no files.
     """
-    return begin_course(name, like=like, from_=from_, force=force).path
+    return begin_course(name, like=like, from_=from_, yes=yes, force=force).path
 
 
 def begin_course(
-    name: str | Path, *, like: str | Path | None = None, from_: str | Path | None = None, force: bool = False
+    name: str | Path,
+    *,
+    like: str | Path | None = None,
+    from_: str | Path | None = None,
+    yes: bool = False,
+    force: bool = False,
 ) -> CourseFile:
     """Write a track file as `init` does; return it with the remarks on it."""
     path = Path(name)
@@ -171,7 +181,9 @@ def begin_course(
         ensure_free(schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_])
     remarks: tuple[ImportRemark, ...] = ()
     if from_ is not None:
-        sketched = sketch_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
+        sketched = sketch_course(name_of(Path(from_)), _title(path), read_placemark_file(Path(from_)))
+        if sketched.lost and not yes:
+            raise InputError(_losses(name_of(Path(from_)), sketched.lost))
         text, remarks = sketched.text, sketched.remarks
     else:
         text = _text_of(Path(like)) if like is not None else _begun(path)
@@ -183,6 +195,15 @@ def begin_course(
         write_text(schema_file, schema)
     write_text(path, text)
     return course
+
+
+def _losses(path: str, lost: Sequence[ImportRemark]) -> list[Finding]:
+    """Return findings on placemarks without which aircraft may fly over people."""
+    advice = "name it as what it is (crowd, safety line, obstacle, ...), or leave it out with --yes"
+    return [
+        Finding(path, 0, 0, "", f"'{remark.name}', {remark.form}, would be left out: {remark.reason}; {advice}")
+        for remark in lost
+    ]
 
 
 def _faults(path: Path, text: str) -> tuple[Finding, ...]:

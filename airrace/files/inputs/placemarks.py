@@ -19,12 +19,13 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from airrace.errors import Finding, InputError
+from airrace.files.inputs.course_words import Subject, is_label, subject_in
 from airrace.files.inputs.document import read_content
 from airrace.files.inputs.nodes import PLACEMARKS_MAX, SIZE_MAX
 from airrace.files.inputs.openair import read_openair
 from airrace.files.inputs.seeyou import read_cup
 from airrace.flights.logs.foreign_formats import foreign_format, refuse_foreign
-from airrace.flights.logs.reading import DAMAGES, archive_entry
+from airrace.flights.logs.reading import DAMAGES, archive_entry, text_encoding
 from airrace.flights.logs.recording import refuse
 from airrace.flights.logs.xml_document import xml_tree
 from airrace.runtime.standard_streams import name_of
@@ -33,81 +34,17 @@ NAMES = ("name", "title", "label")
 """Attributes that name a feature, in any case of their letters."""
 HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
 """Attributes that say what a feature is, likewise."""
-
+HINT_SEPARATOR = " / "
+"""What stands between hints, from the innermost one."""
+HOLE = "hole in an area"
+"""The hint of a hole: it is filled, so nothing is lost."""
 NOTES = ("note", "description", "desc")
 """Attributes that say more, likewise."""
-
-
-class Subject(Enum):
-    """What a placemark is on a course; `FLIGHT` is a recorded track."""
-
-    ELEMENT = "gate or pylon"
-    OBSTACLE = "obstacle"
-    SAFETY_LINE = "safety line"
-    CROWD = "people"
-    AIRSPACE = "airspace"
-    FLIGHT = "flight"
-
-
-FINISH, KNIFE = "finish|ziel|arrivée|llegada|arrivo", "knife|messerflug|tranche"
-"""Words for the finish, and for gates that are passed with the wings upright."""
-WORDS = (
-    (Subject.OBSTACLE, "obstacles?|hazards?|hindernis(se)?"),
-    (
-        Subject.SAFETY_LINE,
-        "(safety|dead|display|show|no fly) ?lines?|deadline|sicherheitslinien?|ligne de sécurité|linea di sicurezza",
-    ),
-    (Subject.CROWD, "crowds?|spectators?|public|audience|grandstands?|zuschauer\\w*|publikum|spectateurs|espectadores"),
-    (
-        Subject.AIRSPACE,
-        "air ?space|(race|racing|display|flying|aerobatic) (area|box|zone)|boundary|border|luftraum|renngebiet|grenze|"
-        "espace aérien",
-    ),
-    (Subject.ELEMENT, f"gates?|tore?|portes?|pylons?|pylone|start|{FINISH}|turn|wende|chicane|quad|{KNIFE}"),
-    (
-        Subject.OBSTACLE,
-        "mast(s|en)?|cranes?|(bau)?kran|towers?|\\w*turm|lighthouse|phare|antennae?|antenne|chimneys?|schornstein|"
-        "power ?lines?|\\w*leitung|wires?|cables?|buildings?|gebäude|bridge|brücke|(wind )?turbines?|windrad|trees?|"
-        "bäume?|silos?|tanks?|stacks?|steeple|church|kirche|tour",
-    ),
-    (
-        Subject.CROWD,
-        "people|stands?|visitors?|besucher|vip|beach|strand|promenade|tribunes?|tribünen?|car park|parking|parkplatz|"
-        "camp(ing|site)?",
-    ),
-    (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
-)
-"""The words that name the subject of a placemark, as regular expressions; the first line with a match decides."""
-_PATTERNS = [(subject, re.compile(rf"\b({words})\b")) for subject, words in WORDS]
-_LABEL = re.compile(r"[a-z]{0,3} ?\d{1,3} ?[a-z]?|[a-z]")
-"""Names of elements without a word: `g4`, `P 12`, `7`, `wp3a`, `c`."""
 
 FORMATS = "KML, KMZ, GPX, GeoJSON, OpenAir or SeeYou CUP"
 """The formats of placemarks, for messages."""
 RESTRICTED = ("R", "P", "Q", "D", "W", "TRA", "TSA", "TFR", "UNC", "OTHER")
 """The classes of airspace in OpenAir that may be set up for a race: restricted, prohibited, danger, temporary ones."""
-
-SIDES = {
-    **dict.fromkeys(("left", "l", "links", "gauche", "izquierda", "sinistra"), "l"),
-    **dict.fromkeys(("right", "r", "rechts", "droite", "derecha", "destra"), "r"),
-}
-"""Words that name one of the two pylons of a gate."""
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words and numbers of a name in lower case: `g1_left`, `g1Left` and `G1 left` have the same."""
-    return re.findall(r"[^\W\d_]+|\d+", split_words(name).lower())
-
-
-def split_words(name: str) -> str:
-    """Return a name with a space before every capital letter that follows on a small one."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
-
-
-def subject_in(text: str) -> Subject | None:
-    """Return the subject that the words of a text name; None for none."""
-    words = " ".join(words_of(text))
-    return next((subject for subject, pattern in _PATTERNS if pattern.search(words)), None)
 
 
 class PlacemarkShape(Enum):
@@ -131,6 +68,7 @@ class Placemark:
         note: its description.
         stated: its subject, where the format of the file says so.
         elevation: of the ground there above the sea, m; NaN where it is not known.
+        joint: of which placemarks it was drawn; empty for what is one in its file.
     """
 
     name: str
@@ -140,24 +78,24 @@ class Placemark:
     note: str = ""
     stated: Subject | None = None
     elevation: float = math.nan
+    joint: str = ""
 
     @cached_property
     def named_subject(self) -> Subject | None:
         """The subject by the name alone, or as its format states it; None where neither does."""
         if self.stated is not None:
             return self.stated
-        element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
-        return subject_in(self.name) or (Subject.ELEMENT if element else None)
+        return subject_in(self.name) or (Subject.ELEMENT if is_label(self.name) else None)
 
     @cached_property
     def subject(self) -> Subject | None:
-        """The subject by a word of the name, else by the hint; a mere number as a name does not outweigh a flight."""
-        hinted = subject_in(self.hint)
-        return (
-            self.stated
-            or subject_in(self.name)
-            or (hinted if hinted is Subject.FLIGHT else self.named_subject or hinted)
-        )
+        """The subject by a word of the name, else by the innermost hint; a mere number or letter outweighs no hint."""
+        return self.stated or subject_in(self.name) or self.hinted_subject or self.named_subject
+
+    @cached_property
+    def hinted_subject(self) -> Subject | None:
+        """The subject by the first hint that names one; None for none."""
+        return next(filter(None, map(subject_in, self.hint.split(HINT_SEPARATOR))), None)
 
 
 @dataclass(frozen=True)
@@ -171,7 +109,9 @@ class _Label:
 
     @classmethod
     def of(cls, path: str, name: object, *hints: object, note: object = None) -> "_Label":
-        return cls(path, _one_line(name), _one_line(" / ".join(str(hint) for hint in hints if hint)), _one_line(note))
+        return cls(
+            path, _one_line(name), _one_line(HINT_SEPARATOR.join(str(hint) for hint in hints if hint)), _one_line(note)
+        )
 
     def placemarks(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
         """Yield a placemark if its places (longitude first) make one.
@@ -196,7 +136,20 @@ class _Label:
         return Placemark(f"{self.name}{suffix}", PlacemarkShape.OTHER, (), what)
 
 
+@dataclass(frozen=True)
+class PlacemarkFile:
+    """The placemarks of a file, and what the file calls itself; empty where it says nothing."""
+
+    title: str
+    marks: list[Placemark]
+
+
 def read_placemarks(path: Path) -> list[Placemark]:
+    """Return the placemarks of a file, see `read_placemark_file`."""
+    return read_placemark_file(path).marks
+
+
+def read_placemark_file(path: Path) -> PlacemarkFile:
     """Return the placemarks of a file, in its order; of GPX waypoints, routes and tracks, of CUP its task first.
 
     Raises:
@@ -208,16 +161,36 @@ def read_placemarks(path: Path) -> list[Placemark]:
         raise InputError(findings)
     if content.startswith(b"PK"):
         content = _unpack(name, content)
-    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<", b"\xff\xfe<", b"\xfe\xff\0<")):
+    content = _in_utf8(name, content)
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         root = xml_tree(name, content)
-        marks = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
+        is_gpx = root.tag == "gpx"
+        title = (_gpx_title if is_gpx else _kml_title)(root)
+        marks = list((_of_gpx if is_gpx else _of_kml)(name, root))
     else:
-        marks = list(_of_text(name, content))
+        title, marks = _of_text(name, content)
     if all(mark.shape is PlacemarkShape.OTHER for mark in marks):
         refuse(name, 0, f"holds no placemarks; expected {FORMATS} with points, lines or areas")
     if len(marks) > PLACEMARKS_MAX:
         refuse(name, 0, f"holds {len(marks)} placemarks; at most {PLACEMARKS_MAX} are read")
-    return marks
+    return PlacemarkFile(_FILE_SUFFIX.sub("", _one_line(title)), list(_joined(marks, _BY_POINTS)))
+
+
+_FILE_SUFFIX = re.compile(r"\.(kml|kmz|gpx|geojson|json|cup|txt)$", re.IGNORECASE)
+"""How names end that programs make of the names of files."""
+_XML_ENCODING = re.compile(r"^(\s*<\?xml[^>]*?)\s+encoding=[\"'][^\"']*[\"']")
+
+
+def _in_utf8(path: str, content: bytes) -> bytes:
+    """Return a text of UTF-16 in UTF-8, without the encoding that its first line declares; others as they are."""
+    encoding = text_encoding(content[:4096])
+    if not encoding.startswith("utf-16"):
+        return content
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        refuse(path, 0, f"is damaged UTF-16: {error.reason}")
+    return _XML_ENCODING.sub(r"\1", text.removeprefix("\ufeff")).encode()
 
 
 def _unpack(path: str, content: bytes) -> bytes:
@@ -235,6 +208,15 @@ def _unpack(path: str, content: bytes) -> bytes:
 # KML
 
 
+def _kml_title(root: Element) -> object:
+    """Return the name of the document, or of the only folder in it."""
+    title = next(filter(None, (element.findtext("name") for element in root)), None)
+    inner = root.find("Document")
+    if title or inner is None or len(inner.findall("Folder")) != 1:
+        return title
+    return inner.findtext("Folder/name")
+
+
 def _of_kml(path: str, root: Element, folders: str = "") -> Iterator[Placemark]:
     for element in root:
         if element.tag == "Placemark":
@@ -242,7 +224,8 @@ def _of_kml(path: str, root: Element, folders: str = "") -> Iterator[Placemark]:
         elif element.tag in ("NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"):
             yield _Label.of(path, element.findtext("name")).unsupported(element.tag)
         else:
-            inside = f"{element.findtext('name') or ''} / {folders}" if element.tag == "Folder" else folders
+            is_folder = element.tag == "Folder" or (element.tag == "Document" and root.tag != "kml")
+            inside = f"{element.findtext('name') or ''}{HINT_SEPARATOR}{folders}" if is_folder else folders
             yield from _of_kml(path, element, inside)
 
 
@@ -257,7 +240,7 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
     parts: list[tuple[PlacemarkShape, list[list[str]]]] = []
     for element in mark.iter():
         if element in holes:
-            yield label.unsupported("hole in an area", ", a hole")
+            yield label.unsupported(HOLE, ", a hole")
         elif element.tag in shapes:
             text = re.sub(r"\s*,\s*", ",", element.findtext("coordinates") or "")
             parts.append((shapes[element.tag], [place.split(",") for place in text.split()]))
@@ -274,11 +257,16 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
 # GPX
 
 
+def _gpx_title(root: Element) -> object:
+    return root.findtext("metadata/name") or root.findtext("name")
+
+
 def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
     def placemarks(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
         name, *hints, note = (element.findtext(tag) for tag in ("name", "type", "sym", "desc"))
         places = [(point.get("lon", ""), point.get("lat", "")) for point in points]
-        return _Label.of(path, name, *hints, note=note).placemarks(shape, places)
+        for mark in _Label.of(path, name, *hints, note=note).placemarks(shape, places):
+            yield replace(mark, elevation=_elevation(points[0].findtext("ele"))) if points else mark
 
     for element in root:
         if element.tag == "wpt":
@@ -292,13 +280,17 @@ def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
                 yield from placemarks(element, PlacemarkShape.LINE, points)
         elif element.tag == "trk":
             for segment in element.iter("trkseg"):
-                yield from placemarks(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
+                points = list(segment.iter("trkpt"))
+                is_flight = any(point.find("time") is not None for point in points)
+                for mark in placemarks(element, PlacemarkShape.LINE, points):
+                    yield replace(mark, stated=Subject.FLIGHT) if is_flight and mark.subject is None else mark
 
 
 # OpenAir and SeeYou CUP
 
 
-def _of_text(path: str, content: bytes) -> Iterator[Placemark]:
+def _of_text(path: str, content: bytes) -> tuple[object, list[Placemark]]:
+    """Return the title and the placemarks of a file that is no XML."""
     foreign = foreign_format(content[:4096])
     if foreign is not None and not foreign.is_course:
         refuse_foreign(path, foreign)
@@ -309,8 +301,8 @@ def _of_text(path: str, content: bytes) -> Iterator[Placemark]:
     except UnicodeDecodeError:
         text = content.decode("cp1252", "replace")
     if foreign.name.startswith("OpenAir"):
-        return _of_openair(path, text)
-    return _joined(list(_of_cup(path, text)))  # waypoints draw no lines but by their names
+        return None, list(_of_openair(path, text))
+    return None, list(_joined(list(_of_cup(path, text)), (Subject.CROWD,)))  # it knows no lines
 
 
 def _of_openair(path: str, text: str) -> Iterator[Placemark]:
@@ -338,16 +330,13 @@ def _of_cup(path: str, text: str) -> Iterator[Placemark]:
         yield Placemark(waypoint.name, PlacemarkShape.POINT, (place,), hint, note, elevation=waypoint.elevation)
 
 
-def _joined(marks: Sequence[Placemark]) -> Iterator[Placemark]:
-    """Yield the placemarks, with points of one crowd, line or border as that: their names differ in the last number."""
+def _joined(marks: Sequence[Placemark], subjects: Sequence[Subject]) -> Iterator[Placemark]:
+    """Yield the placemarks, with points of one thing joined: their names differ in the last number."""
     corners: dict[tuple[Subject, str], list[Placemark]] = {}
     for mark in marks:
-        if mark.shape is PlacemarkShape.POINT and mark.subject in (
-            Subject.CROWD,
-            Subject.SAFETY_LINE,
-            Subject.AIRSPACE,
-        ):
-            corners.setdefault((mark.subject, _unnumbered(mark.name)), []).append(mark)
+        subject = mark.subject
+        if mark.shape is PlacemarkShape.POINT and subject is not None and subject in subjects:
+            corners.setdefault((subject, _unnumbered(mark.name)), []).append(mark)
     joined = {id(mark): group for group in corners.values() if len(group) > 1 for mark in group}
     for mark in marks:
         group = joined.get(id(mark), [mark])
@@ -355,14 +344,14 @@ def _joined(marks: Sequence[Placemark]) -> Iterator[Placemark]:
             yield mark
         elif group[0] is mark:
             is_area = mark.subject is Subject.AIRSPACE and len(group) > 2
+            shape = PlacemarkShape.AREA if is_area else PlacemarkShape.LINE
             places = tuple(corner.places[0] for corner in group)
-            yield replace(
-                mark,
-                name=_unnumbered(mark.name),
-                shape=PlacemarkShape.AREA if is_area else PlacemarkShape.LINE,
-                places=places,
-                stated=mark.subject,
-            )
+            joint = f"{len(group)} points whose names differ in their last number or letter"
+            yield replace(mark, name=_unnumbered(mark.name), shape=shape, places=places, joint=joint)
+
+
+_BY_POINTS = (Subject.SAFETY_LINE, Subject.AIRSPACE)
+"""What several points draw in any format: a single one would say nothing."""
 
 
 def _unnumbered(name: str) -> str:
@@ -372,26 +361,32 @@ def _unnumbered(name: str) -> str:
 # GeoJSON
 
 
-def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
+def _of_geojson(path: str, content: bytes) -> tuple[object, list[Placemark]]:
+    """Return the title and the placemarks of a document."""
     try:
         root: Any = json.loads(content)  # Any: JSON of any form; what does not fit raises
         kind = root["type"]
         if kind not in ("FeatureCollection", "Feature"):
             root = {"geometry": root}
-        for entry in root["features"] if kind == "FeatureCollection" else [root]:
-            values: Any = entry.get("properties") or {}
-            properties = {str(key).lower(): value for key, value in values.items()}
-            hints, note = _all(properties, HINTS), _first(properties, NOTES)
-            label = _Label.of(path, _first(properties, NAMES), *hints, note=note)
-            geometry: Any = entry.get("geometry")
-            if geometry is None:
-                yield label.unsupported("feature without a geometry")
-            else:
-                yield from _geometry(label, geometry)
+        entries = root["features"] if kind == "FeatureCollection" else [root]
+        title = root.get("name") if kind == "FeatureCollection" else None
+        return title, [mark for entry in entries for mark in _of_feature(path, entry)]
     except json.JSONDecodeError as error:
         refuse(path, error.lineno, f"is neither KML, GPX nor GeoJSON: {error.msg}")
     except (AttributeError, KeyError, IndexError, TypeError, ValueError, RecursionError):
         refuse(path, 0, "is no GeoJSON as RFC 7946 has it: expected a FeatureCollection with geometries")
+
+
+def _of_feature(path: str, entry: Any) -> Iterator[Placemark]:  # Any: JSON, see above
+    values: Any = entry.get("properties") or {}
+    properties = {str(key).lower(): value for key, value in values.items()}
+    hints, note = _all(properties, HINTS), _first(properties, NOTES)
+    label = _Label.of(path, _first(properties, NAMES), *hints, note=note)
+    geometry: Any = entry.get("geometry")
+    if geometry is None:
+        yield label.unsupported("feature without a geometry")
+    else:
+        yield from _geometry(label, geometry)
 
 
 def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON, see above
@@ -406,7 +401,7 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
         case "Polygon":
             yield from label.placemarks(PlacemarkShape.AREA, places[0])
             for _ in places[1:]:
-                yield label.unsupported("hole in an area", ", a hole")
+                yield label.unsupported(HOLE, ", a hole")
         case "MultiPoint" | "MultiLineString" | "MultiPolygon":
             for part in places:
                 yield from _geometry(label, {"type": kind.removeprefix("Multi"), "coordinates": part})
@@ -415,6 +410,14 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
                 yield from _geometry(label, part)
         case _:
             yield label.unsupported(f"geometry of the type `{_one_line(kind)[:40]}`")
+
+
+def _elevation(text: str | None) -> float:
+    """Return an elevation, m; NaN for none, and for the 0 that programs write where they know none."""
+    try:
+        return float(text or 0.0) or math.nan
+    except ValueError:
+        return math.nan
 
 
 def _first(attributes: Mapping[str, object], keys: Sequence[str]) -> object:

@@ -77,7 +77,7 @@ def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
             file.seek(0)
             if first.startswith(b"PK"):
                 return _read_archive(name, file, layout, aircraft)
-            encoding = _encoding(first)
+            encoding = text_encoding(first)
             plain = first.decode(encoding, "replace").lstrip("\ufeff \t\r\n")
             if plain.startswith("<"):
                 return _read_xml(name, _content(name, file), layout)
@@ -125,7 +125,7 @@ def _content(path: str, file: IO[bytes]) -> bytes:
     return content
 
 
-def _encoding(first: bytes) -> str:
+def text_encoding(first: bytes) -> str:
     """Return the encoding of a text by its first bytes: UTF-16 by its mark or by its zeros, UTF-8, else Windows'."""
     if first.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"

@@ -7,8 +7,9 @@ import pytest
 
 from airrace.errors import InputError
 from airrace.files.inputs import load_inputs
+from airrace.files.inputs.course_words import Subject
 from airrace.files.inputs.openair import read_openair
-from airrace.files.inputs.placemarks import PlacemarkShape, Subject, read_placemarks
+from airrace.files.inputs.placemarks import PlacemarkShape, read_placemarks
 from airrace.files.inputs.seeyou import read_cup
 from airrace.model.track.course import Course
 from airrace.model.track.gates import Gate, Pylon

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from airrace.cli.main import app
 from airrace.errors import InputError
 from airrace.files.inputs import load_inputs
-from airrace.files.inputs.placemarks import Placemark, PlacemarkShape, Subject, read_placemarks, subject_in, words_of
+from airrace.files.inputs.course_words import Subject, subject_in, words_of
+from airrace.files.inputs.placemarks import Placemark, PlacemarkShape, read_placemarks
 from airrace.model.track.course import Course, CrowdShape
 from airrace.model.track.gates import Gate, Pylon
 from airrace.model.track.polygons import area
@@ -52,13 +53,13 @@ def sketch(folder: Path, features: Sequence[object]) -> tuple[CourseFile, Course
 
 
 def sketch_file(folder: Path, name: str) -> tuple[CourseFile, Course]:
-    written = begin_course(folder / "sketched", from_=folder / name, force=True)
+    written = begin_course(folder / "sketched", from_=folder / name, yes=True, force=True)
     return written, load_inputs(written.path).race.course
 
 
 def told(written: CourseFile) -> list[tuple[str, str]]:
-    """What placemarks are taken as, without what every sketch guesses: the elevation, and the sides of pylons."""
-    told_ = [(one.name, one.taken_as) for one in written.remarks if one.name != "origin"]
+    """What placemarks are taken as, without what every sketch guesses: elevation, rules, and the sides of pylons."""
+    told_ = [(one.name, one.taken_as) for one in written.remarks if one.name not in ("origin", "rules")]
     return [(name, taken) for name, taken in told_ if not taken.startswith("passed on its side")]
 
 
@@ -215,7 +216,7 @@ def test_what_no_name_tells_is_guessed_or_dropped_and_reported(tmp_path: Path) -
     text = written.path.read_text()
     assert all(f"# {one.text}\n" in text for one in written.remarks)
     listed = written.as_object()
-    assert [len(listed["guessed"]), len(listed["not_taken_over"])] == [4, 4]  # the elevation is guessed, too
+    assert [len(listed["guessed"]), len(listed["not_taken_over"])] == [5, 4]  # elevation and rules are guessed, too
 
 
 def test_obstacles_are_as_high_as_their_names_tell(tmp_path: Path) -> None:
