@@ -85,8 +85,8 @@ class SketchedOrder:
         starts = [element for element in elements if element.has(START)]
         finishes = [element for element in elements if element.has(FINISH)]
         first = starts if len(starts) == 1 else []
-        self.closed = len(elements) > 1 and first == finishes != []
-        last = finishes if len(finishes) == 1 and first != finishes else []
+        self.closed = len(first) == 1 and first == finishes and len(elements) > 1
+        last = finishes if len(finishes) == 1 and finishes != first else []
         between = [element for element in elements if element not in (*first, *last)]
         self.elements = [*first, *self._by_number(between), *last]
         if self.elements != list(elements):
