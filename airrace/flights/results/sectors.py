@@ -147,7 +147,8 @@ def sector_times(flights: Sequence[Flight], joint: Joint = JOINT) -> SectorTimes
     Raises:
         UsageError: the courses have other passings; names the first that differs.
     """
-    ensure_comparable([(flight.label, flight.course) for flight in flights])
+    for flight in flights[1:]:
+        ensure_comparable((flights[0].label, flights[0].course), (flight.label, flight.course))
     legs = [legs_of(flight) for flight in flights]
     sectors: list[Sector] = []
     for same_leg in zip(*legs, strict=True):
