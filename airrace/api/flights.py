@@ -6,7 +6,7 @@ missing are a UsageError, what the system refuses to write is a StorageError.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, cast
@@ -37,6 +37,9 @@ Lateness = Annotated[
 Drawing = str | Path | None
 HEIGHT_OFFSET_MAX = 10_000.0
 """The largest offset of a log's heights, m: no air race is flown higher."""
+CostToGo = Annotated[
+    bool, Option("Tell what was lost at every moment of the others, by the best that was left; half a minute each.")
+]
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,10 @@ def import_log(
     ] = 0.0,
     run: Annotated[int | None, Option("Which run through the course, where there are several.", "N", min=1)] = None,
     name: Annotated[str | None, Option("Which aircraft of an ACMI recording.", "NAME")] = None,
+    cost_to_go: Annotated[
+        str | Path | None,
+        Option("Tell what was lost at every moment, by the cost to go of this run's point mass.", "RUN.h5"),
+    ] = None,
     aircraft: options.Aircraft = None,
     set: options.Set = (),
     force: options.Force = False,
@@ -126,6 +133,10 @@ def import_log(
     if path is not None:
         ensure_free(path, force=True, sources=documents_of(inputs))
         view.save(path)
+    if cost_to_go is not None:
+        from airrace.runs.cost_to_go import log_loss  # loads the solver
+
+        view = replace(view, cost_to_go=log_loss(Path(cost_to_go), view))
     return view
 
 
@@ -150,6 +161,7 @@ def compare(
         Drawing,
         Option("Draw a map in the colours of the time lost, likewise.", "FILE.png", flags=("--map",), written=True),
     ] = None,
+    cost_to_go: CostToGo = False,
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> "list[Comparison]":
@@ -169,6 +181,11 @@ def compare(
     stage_name = options.stage_text(stage)
     reference, *more_flights = open_flights(flights, stage=stage_name, verify=verify, comparable=True)
     comparisons = [compare_flights(reference, flight) for flight in more_flights]
+    if cost_to_go:
+        from airrace.runs.cost_to_go import losses_by_name  # loads the solver
+
+        losses = losses_by_name(flights, stage=options.stage_text(stage))
+        comparisons = [replace(pair, cost_to_go=loss) for pair, loss in zip(comparisons, losses, strict=True)]
     if drawings:
         from airrace.pages.views.flight_figures import comparison_figure, loss_figure
 
@@ -176,6 +193,39 @@ def compare(
             if path is not None:
                 save_figure(figure(comparisons), Path(path))
     return comparisons
+
+
+def follow(
+    run: Annotated[str | Path, options.RUN_FILE],
+    *,
+    stage: Annotated[str | None, Option("By which it is flown on.", "STAGE", completion="stages")] = "point-mass",
+    udp: Annotated[int | None, Option("Read datagrams at this port of 127.0.0.1.", "PORT", min=1, max=65535)] = None,
+    replay: Annotated[str | None, Option("Replay this flight instead: a log, or RUN.h5:STAGE.", "FLIGHT")] = None,
+    speed: Annotated[float, Option("Of a replay, as times as fast; 0 for without a pause.", "N", min=0)] = 1.0,
+    gates: Annotated[int, Option("So many gates ahead the line leads.", "N", min=1)] = 3,
+    every: Annotated[float, Option("The least time between two answers.", "S", min=0.05)] = 0.5,
+) -> "Iterator[dict[str, object]]":
+    """Follow a flight while it is flown: gap, cost to go, next cues and the line of the next gates, as JSON lines.
+
+    States come from standard input, as JSON lines or NMEA sentences, or as datagrams, X-Plane's data output among them.
+
+    Raises:
+        UsageError: the stage is no optimum, or the port is taken.
+    """
+    from airrace.errors import UsageError
+    from airrace.runs.flight_sources import open_flights, open_sources
+    from airrace.runs.follow import follow_stream, replayed, standard_input, udp_port
+    from airrace.runs.stage_view import StageView
+
+    (view,) = open_sources([str(run)], stage=stage)
+    if not isinstance(view, StageView):
+        raise UsageError(f"{run} is a flight log: a run is followed by its optimum")
+    if udp is not None and replay is not None:
+        raise UsageError("--udp and --replay exclude each other")
+    messages = standard_input() if udp is None else udp_port(udp)
+    if replay is not None:
+        messages = replayed(open_flights([str(run), replay])[1], every=every, speed=speed)
+    return follow_stream(view, messages, gates=gates, every=every)
 
 
 def plot(
@@ -232,6 +282,7 @@ def report(
     envelope: Annotated[
         int, Option("Show in the scene how far N closed-loop flights in gusts stray, 95 % of them.", "N")
     ] = 0,
+    cost_to_go: CostToGo = False,
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> WrittenFlights:
@@ -242,6 +293,12 @@ def report(
 
     path, names = output_path(output, run, "html"), [str(run), *flights]
     ensure_free(path, force=force, sources=names)
+    beside: list[str] = []
+    if cost_to_go:
+        from airrace.pages.report.cost_section import cost_section
+        from airrace.runs.cost_to_go import losses_by_name  # loads the solver
+
+        beside = [cost_section(loss) for loss in losses_by_name(names, stage=options.stage_text(stage))]
     page, page_flights = report_of_flights(
         names,
         stage=options.stage_text(stage),
@@ -249,6 +306,7 @@ def report(
         verify=verify,
         envelope=envelope,
         units=units_named(units),
+        beside=beside,
     )
     write_text(path, page)
     return WrittenFlights(path, tuple(page_flights))

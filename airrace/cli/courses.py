@@ -16,6 +16,7 @@ from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
     from airrace.cli.installation import Component
+    from airrace.design.designer import Unsaved
     from airrace.runs.courses import Catalogue, CourseCheck, CourseFile
 
 
@@ -116,11 +117,11 @@ def _design(
     aircraft: options.Aircraft = None,
     port: Annotated[int, Option("Port; by default a free one.", "N", min=0, max=65535)] = 0,
     browser: Annotated[bool, Option("Only print the address.")] = True,
-) -> Path | None:
+) -> "Unsaved | None":
     """Lay out a course in the browser: drag gates and see the race time change (extra: design).
 
     The page is served to this machine alone, under an address with a token, until Ctrl-C. Saving edits the file in
-    place; what is not saved by then lies beside it.
+    place; what is not saved lies beside it after every change, as NAME.unsaved.yaml, and is offered at the next start.
     """
     from airrace.design.designer import Designer
     from airrace.errors import UsageError
@@ -143,7 +144,11 @@ def _design(
 
 
 @command(_design, without=["as_json", "quiet"])
-def design(command_result: PrintedResult, function: "partial[Path | None]") -> None:
+def design(command_result: PrintedResult, function: "partial[Unsaved | None]") -> None:
     unsaved = function()
-    if unsaved is not None:
-        command_result.add(f"what was not saved lies in {unsaved}")
+    if unsaved is None:
+        return
+    if unsaved.path is not None:
+        command_result.add(f"what was not saved lies in {unsaved.path}")
+    else:
+        command_result.add(f"what was not saved could be written nowhere; this is it:\n\n{unsaved.text}")

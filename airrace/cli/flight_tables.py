@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.cli.printed_result import PAGE, paragraph, render
-from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
+from airrace.cli.run_tables import cost_to_go_texts, distance_tables, laps_text, leg_tables
 from airrace.flights.logs.violations import CERTAIN_DEVIATIONS, select_violations
 from airrace.flights.sensitivity import Activity, Sensitivity
 from airrace.pages.report.sensitivity_tables import cost_text, sensitivities_table
@@ -43,6 +43,8 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         yield paragraph(laps)
     tables = [*distance_tables(flight), *(leg_tables(flight) if legs else ())]
     yield from (render(table, columns=PAGE) for table in tables)
+    if log.cost_to_go is not None:
+        yield from cost_to_go_texts(log.cost_to_go)
     yield "\n".join(paragraph(remark, begin="note: ") for remark in log.remarks)
 
 

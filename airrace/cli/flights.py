@@ -1,7 +1,8 @@
 """Commands around flights: `import`, `brief`, `compare`, `plot`, `report`, `film`, `card` and `export`."""
 
+import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -85,6 +86,12 @@ def compare(
     command_result.fields.update(comparison_object(reference, comparisons))
     if command_result.shows:
         command_result.add(*comparison_texts(comparisons, every=all_))
+
+
+@command(flights.follow, without=["as_json"])
+def follow(command_result: PrintedResult, function: "partial[Iterator[dict[str, object]]]") -> None:
+    for answer in function():
+        print(json.dumps(answer), flush=True)  # a line at once: who reads it flies
 
 
 @command(flights.plot)

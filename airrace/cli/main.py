@@ -12,7 +12,7 @@ from airrace.cli.aircraft import aircraft, fit
 from airrace.cli.batch import batch, fairness, sweep
 from airrace.cli.command import Command
 from airrace.cli.courses import check, design, doctor, init, schema, tracks
-from airrace.cli.flights import brief, card, compare, export, film, import_log, plot, report
+from airrace.cli.flights import brief, card, compare, export, film, follow, import_log, plot, report
 from airrace.cli.optimize import optimize, resume, sensitivity, show, verify
 from airrace.cli.printed_result import json_line
 from airrace.cli.safety import footprint, safety
@@ -37,6 +37,7 @@ for _name, _command in {
     "show": show,
     "brief": brief,
     "compare": compare,
+    "follow": follow,
     "plot": plot,
     "verify": verify,
     "sensitivity": sensitivity,

@@ -10,10 +10,12 @@ from airrace.cli.printed_result import PAGE, number, paragraph, render
 from airrace.flights.results import Flight, laps_of
 from airrace.flights.results.clearances import NearMiss
 from airrace.flights.results.comparison import TIE, Comparison, compare_flights, conditions
+from airrace.flights.results.cost_to_go import CostToGoLoss
 from airrace.flights.results.flight_facts import Range, leg_facts
 from airrace.flights.results.time_loss import time_loss
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.views.comparison_tables import (
+    cost_table,
     laps_table,
     loss_text,
     lost_table,
@@ -178,6 +180,8 @@ def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Itera
     for comparison in comparisons:
         yield "\n".join(_verdict_lines(comparison))
         yield from _loss_texts(comparison)
+        if comparison.cost_to_go is not None:
+            yield from cost_to_go_texts(comparison.cost_to_go)
     if len(comparisons) == 2:
         yield from _pair_texts(*comparisons)
     sectors = recorded_sectors([comparisons[0].reference, *(comparison.flight for comparison in comparisons)])
@@ -214,6 +218,13 @@ def _loss_texts(comparison: Comparison) -> Iterator[str]:
             paragraph(loss_text(item), begin=f"  {number}. ") for number, item in enumerate(loss.costliest, start=1)
         )
         yield "\n".join([paragraph(f"{loss.title}:"), *lines])
+
+
+def cost_to_go_texts(loss: CostToGoLoss) -> Iterator[str]:
+    """Yield what a flight lost by the cost to go: in all, the costliest legs in words, and a table of all legs."""
+    lines = [paragraph(leg.words, begin=f"  {number}. ") for number, leg in enumerate(loss.costliest, start=1)]
+    yield "\n".join([paragraph(f"{loss.title}{':' if lines else ''}"), *lines])
+    yield render(cost_table(loss), columns=PAGE)
 
 
 def _pair_texts(first: Comparison, second: Comparison) -> Iterator[str]:

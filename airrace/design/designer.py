@@ -1,173 +1,29 @@
 """The state behind the page, the same in all windows: track file with undo and redo, aircraft, what-ifs, a picture."""
 
-import hashlib
 import math
 import os
+import reprlib
+import secrets
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from airrace.design.edits import Edit, Put, edit_document
-from airrace.design.pieces import KINDS, EditableCourse, Spot, layout_of
+from airrace.design.address import AddressFile
+from airrace.design.course_form import DIRECTIONS, direct_passing, fields_of, move_passing, passing_items, set_field
+from airrace.design.pieces import KINDS, Spot
 from airrace.design.solving import SLIDERS, WIND, AircraftSession, LayoutRequest
+from airrace.design.track_file import TrackFile
 from airrace.errors import UsageError
-from airrace.files.checkpoint.atomic import replace_file
-from airrace.files.inputs import Document, load_inputs
 from airrace.files.inputs.document import AIRCRAFT, TRACKS
 from airrace.files.inputs.nodes import KeyPath
 from airrace.files.inputs.placemarks import PlacemarkShape, read_placemarks
 from airrace.model.track.course import Origin, metres
 from airrace.model.track.polygons import Point
-
-UNDO_MAX = 500
-"""The steps that can be undone; each holds the text of the file."""
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-
-
-class StaleRevision(UsageError):
-    """An edit of a revision that is not the latest."""
-
-
-class ChangedOnDisk(UsageError):
-    """A file that another program has written since it was read; naming its digest overwrites it all the same."""
-
-    def __init__(self, path: Path, digest: str) -> None:
-        super().__init__(f"{path.name} has changed on the disk meanwhile: take that, or overwrite it")
-        self.digest = digest
-
-
-@dataclass(frozen=True)
-class _Step:
-    layout: EditableCourse
-    gesture: str = ""
-
-    @property
-    def document(self) -> Document:
-        return self.layout.inputs.track
-
-
-class TrackFile:
-    """A track file that is being edited, with its undo and redo stacks; one thread at a time may use it.
-
-    Args:
-        path: of the file.
-        aircraft: that flies it instead of the one that it names; None for that.
-
-    Attributes:
-        revision: the number of the text; it rises with every change, with undo and redo too.
-        undo_stack, redo_stack: the steps before the present one, and those undone.
-
-    Raises:
-        InputError: the file cannot be read or is not valid.
-    """
-
-    def __init__(self, path: Path, aircraft: str | None = None) -> None:
-        self.path, self.aircraft = path, aircraft
-        self.revision = 0
-        self.undo_stack: list[_Step] = []
-        self.redo_stack: list[_Step] = []
-        self._step = self._read()
-
-    @property
-    def layout(self) -> EditableCourse:
-        """The pieces as they stand."""
-        return self._step.layout
-
-    @property
-    def document(self) -> Document:
-        """The text as it stands."""
-        return self._step.document
-
-    @property
-    def unsaved(self) -> bool:
-        """Whether the text differs from the one last read or written."""
-        return self.document.text != self._saved
-
-    def edit(self, revision: int, edits: Sequence[Edit], gesture: str = "") -> None:
-        """Make edits as one step; those of the same gesture of the mouse continue the last step.
-
-        Raises:
-            StaleRevision: the revision is not the latest.
-            InputError: the file would no longer be valid; nothing is changed.
-            UsageError: the file cannot be edited in this way.
-        """
-        self._ensure_latest(revision)
-        document = edit_document(self.document, edits)
-        if document != self.document:
-            step = _Step(layout_of(load_inputs(document, aircraft=self.aircraft)), gesture)
-            self._push(step, continues=bool(gesture) and gesture == self._step.gesture)
-
-    def undo(self, revision: int) -> None:
-        """Take the last step back, if there is one; errors as of `edit`."""
-        self._swap(revision, self.undo_stack, self.redo_stack)
-
-    def redo(self, revision: int) -> None:
-        """Make the step that was undone last again, if there is one; errors as of `edit`."""
-        self._swap(revision, self.redo_stack, self.undo_stack)
-
-    def save(self, revision: int, overwrite: str = "") -> None:
-        """Write the text to its file.
-
-        Args:
-            revision: to be saved.
-            overwrite: the digest of what another program has written there, to overwrite it.
-
-        Raises:
-            StaleRevision: the revision is not the latest.
-            ChangedOnDisk: the file is not what was read or written last.
-            StorageError: the system refused.
-        """
-        self._ensure_latest(revision)
-        on_disk = self.path.read_bytes() if self.path.exists() else b""
-        if _digest(on_disk) not in (self._digest, overwrite):
-            raise ChangedOnDisk(self.path, _digest(on_disk))
-        mark = BYTE_ORDER_MARK if on_disk.startswith(BYTE_ORDER_MARK) else b""
-        content = mark + self.document.text.encode()
-        replace_file(self.path, content)
-        self._saved, self._digest = self.document.text, _digest(content)
-
-    def reload(self, revision: int) -> None:
-        """Read the file again, as a step that can be undone; errors as of `edit`."""
-        self._ensure_latest(revision)
-        self._push(self._read())
-
-    def keep_unsaved(self) -> Path | None:
-        """Write a text that is not saved beside the file, and return where; None if all is saved."""
-        if not self.unsaved:
-            return None
-        beside = self.path.with_name(f"{self.path.stem}.unsaved{self.path.suffix}")
-        replace_file(beside, self.document.text.encode())
-        return beside
-
-    def _push(self, step: _Step, *, continues: bool = False) -> None:
-        if not continues:
-            self.undo_stack = [*self.undo_stack, self._step][-UNDO_MAX:]
-        self.redo_stack.clear()
-        self._step, self.revision = step, self.revision + 1
-
-    def _swap(self, revision: int, source: list[_Step], target: list[_Step]) -> None:
-        self._ensure_latest(revision)
-        if source:
-            target.append(self._step)
-            self._step, self.revision = source.pop(), self.revision + 1
-
-    def _ensure_latest(self, revision: int) -> None:
-        if revision != self.revision:
-            raise StaleRevision("another window has changed the course meanwhile; this one shows it now")
-
-    def _read(self) -> _Step:
-        inputs = load_inputs(self.path, aircraft=self.aircraft)
-        self._saved, self._digest = inputs.track.text, _digest(self.path.read_bytes())
-        return _Step(layout_of(inputs))
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
+from airrace.runtime.standard_streams import STANDARD
 
 SESSIONS_MAX = 2
 """The aircraft that fly side by side."""
@@ -178,21 +34,38 @@ PICTURE_MAX = 30 * 1024 * 1024
 Message = Mapping[str, Any]  # what a page sends; every value is checked where it is taken
 
 
+@dataclass(frozen=True)
+class Unsaved:
+    """A text that is not saved when a designer ends, and where it lies; None where the disk would not take it."""
+
+    path: Path | None
+    text: str
+
+
 class Designer:
     """A layout that is being worked on. It may be called from any thread.
 
     Attributes:
         track: the track file.
+        address_file: which keeps other designers from the same track file.
 
     Raises:
         InputError: the track file is not valid.
-        UsageError: it is no file of the user's own.
+        UsageError: it is no file of the user's own, or another designer has it open.
     """
 
     def __init__(self, path: Path, aircraft: str | None = None) -> None:
+        if path == STANDARD:
+            raise UsageError("the designer edits a file, which stdin is not")
         if not path.is_file() and TRACKS.finds(path):
             raise UsageError(f"{path} comes with airrace; copy it first: airrace init my_course --like {path}")
-        self.track = TrackFile(path, aircraft)
+        self.address_file = AddressFile(path)
+        try:
+            self.track = TrackFile(path, aircraft)
+        except BaseException:
+            self.address_file.close()
+            raise
+        self._name = secrets.token_hex(4)  # by which a page sees that it has come to another designer
         self._lock = threading.Lock()  # of all but the version
         self._version, self._version_lock = 1, threading.Lock()  # sessions raise it while the other lock is held
         self._values: dict[str, float] = {}
@@ -206,12 +79,16 @@ class Designer:
         with self._version_lock:
             return self._version
 
-    def close(self) -> Path | None:
-        """End the solvers; return where a text that is not saved was written, None if all is saved."""
+    def close(self) -> Unsaved | None:
+        """End the solvers; return the text that is not saved, None if all is."""
         with self._lock:
             for session in self._sessions:
                 session.close()
-            return self.track.keep_unsaved()
+            self.address_file.close()
+            track = self.track
+            if track.offer is not None:
+                return Unsaved(track.unsaved_copy.beside, track.offer)
+            return Unsaved(track.unsaved_copy.path, track.document.text) if track.unsaved else None
 
     def state(self) -> dict[str, object]:
         """Return all that a window shows, for JSON."""
@@ -219,22 +96,33 @@ class Designer:
             track = self.track
             return {
                 "version": self.version,
+                "designer": self._name,
                 "revision": track.revision,
+                "digest": track.digest,
                 "name": track.layout.inputs.race.course.name,
                 "file": track.path.name,
                 "unsaved": track.unsaved,
+                "offer": None
+                if track.offer is None
+                else {"file": track.unsaved_copy.beside.name, "differences": track.differences()},
+                "problem": self._problem(),
+                # A page keeps the text that the disk does not.
+                "text": track.document.text if track.unsaved_copy.problem else None,
                 "undo": len(track.undo_stack),
                 "redo": len(track.redo_stack),
                 "pieces": [asdict(piece) for piece in track.layout.pieces],
                 "kinds": KINDS,
+                "form": [asdict(field) for field in fields_of(track.layout.plain)],
+                "passings": [asdict(item) for item in passing_items(track.layout)],
+                "directions": DIRECTIONS,
                 "values": self._values,
                 "sessions": [session.result() for session in self._sessions],
                 "aircraft": AIRCRAFT.names,
                 "background": self._background,
             }
 
-    def do(self, action: str, message: Message) -> None:
-        """Do what a window asks for.
+    def do(self, action: str, message: Message) -> dict[str, object]:
+        """Do what a window asks for; return the revision and its digest, for JSON.
 
         Raises:
             UsageError: the message is not valid, or was sent for another revision.
@@ -245,11 +133,21 @@ class Designer:
             before = self.track.revision
             try:
                 self._do(action, message)
-            except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-                raise UsageError(f"{action}: not a message that the page sends: {error!r}") from error
-            if self.track.revision != before or action in ("values", "aircraft"):
-                self._submit()
-        self._raise_version()
+            except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+                raise UsageError(f"{action}: not a message that the page sends: {reprlib.repr(error)}") from error
+            finally:
+                if self.track.revision != before or action in ("values", "aircraft"):
+                    self._submit()
+                self._raise_version()
+            return {"version": self.version, "revision": self.track.revision, "digest": self.track.digest}
+
+    def _problem(self) -> str:
+        """Return what the disk does not take, and where else the text lies."""
+        copy = self.track.unsaved_copy
+        if not copy.problem or not self.track.unsaved:
+            return copy.problem
+        place = f"it lies in {copy.path}" if copy.path else "it lies nowhere but in this page and in memory"
+        return f"What is not saved is not beside the track file ({copy.problem}); {place}."
 
     def _do(self, action: str, message: Message) -> None:
         track = self.track
@@ -262,9 +160,23 @@ class Designer:
                 turns = {_path(turn["path"]): _number(turn["degrees"]) for turn in message["turns"]}
                 track.edit(message["revision"], track.layout.moved(places, turns), _text(message.get("gesture", "")))
             case "set":
-                path, value = _path(message["path"]), _text(message["value"], str, int, float, bool)
-                piece = track.layout.piece(path[:-1])
-                track.edit(message["revision"], [Put((*piece.path, path[-1]), value)])
+                path, value = _path(message["path"]), message["value"]
+                if value is not None:
+                    _text(value, str, int, float, bool)
+                if isinstance(value, int | float) and not isinstance(value, bool):
+                    _number(value)
+                if path[0] in ("course", "rules"):
+                    edits = set_field(track.layout.plain, path, value)
+                else:
+                    edits = track.layout.setting(path, value)
+                track.edit(message["revision"], edits)
+            case "passing":
+                path = _path(message["path"])
+                if "direction" in message:
+                    edits = direct_passing(track.layout, path, _text(message["direction"]))
+                else:
+                    edits = move_passing(track.layout, path, _text(message["later"], bool))
+                track.edit(message["revision"], edits)
             case "add":
                 at = Point(_number(message["north"]), _number(message["east"]))
                 track.edit(message["revision"], track.layout.addition(_text(message["kind"]), at))
@@ -276,6 +188,12 @@ class Designer:
                 track.redo(message["revision"])
             case "reload":
                 track.reload(message["revision"])
+            case "restore":
+                track.restore(message["revision"], _text(message["text"]))
+            case "take":
+                track.take_offer()
+            case "discard":
+                track.discard_offer()
             case "save":
                 track.save(message["revision"], _text(message.get("overwrite", "")))
             case "values":
@@ -356,8 +274,12 @@ class Designer:
         """Return a file in the folder of the track file; `UsageError` if it lies elsewhere or is none."""
         folder = Path(os.path.realpath(self.track.path.parent))
         path = Path(os.path.realpath(folder / name))
-        if not path.is_relative_to(folder) or not path.is_file():
-            raise UsageError(f"there is no file {name} in the folder of {self.track.path.name}")
+        try:
+            is_file = path.is_relative_to(folder) and path.is_file()
+        except OSError:  # as of a name that is too long
+            is_file = False
+        if not is_file:
+            raise UsageError(f"there is no file {name:.100} in the folder of {self.track.path.name}")
         return path
 
     def _placemarks(self, path: Path) -> list[tuple[str, list[list[float]]]]:
@@ -385,7 +307,7 @@ def _number(value: object) -> float:
 def _text(value: object, *kinds: type) -> Any:
     """Return a value of one of the kinds, by default text; a truth value is no number."""
     if not isinstance(value, kinds or str) or (isinstance(value, bool) and bool not in kinds):
-        raise UsageError(f"{value!r} is not of the kind that is needed here")
+        raise UsageError(f"{reprlib.repr(value)} is not of the kind that is needed here")
     return value
 
 

@@ -29,6 +29,8 @@ METRIC_DECIMALS, GEODETIC_DECIMALS = 2, 7
 """The decimals of positions, m and degrees: a centimetre either way."""
 TURNS = ("heading_deg", "pass_side_deg")
 """The keys that say how a piece is turned."""
+GROUPS = ("gates", "obstacles", "crowd", "safety_lines")
+"""The groups of the track file whose entries are pieces."""
 KINDS = ("level", "knife-edge", "pylon", "obstacle", "crowd", "safety line", "airspace")
 """What can be added."""
 
@@ -54,6 +56,7 @@ class Piece:
         entry: its entry as it stands in the file.
         strokes: lines to be drawn, north and east, m; a single point is a post.
         closed: whether its spots are corners of an area.
+        distance: to be kept from it, m; of a safety line the margin.
     """
 
     path: KeyPath
@@ -63,6 +66,7 @@ class Piece:
     entry: Any  # JSON
     strokes: tuple[tuple[tuple[float, float], ...], ...] = ()
     closed: bool = False
+    distance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,22 @@ class EditableCourse:
             if piece.path == path:
                 return piece
         raise UsageError(f"there is no {dotted(path)}")
+
+    def setting(self, path: KeyPath, value: object) -> list[Edit]:
+        """Return the edit that gives an entry of a piece a value, as deep in it as the file has one already.
+
+        Raises:
+            UsageError: there is no such piece, or nothing there.
+        """
+        piece = next((piece for piece in self.pieces if piece.path == path[: len(piece.path)]), None)
+        holder: Any = None if piece is None else piece.entry
+        for part in path[len(piece.path) : -1] if piece else ():
+            holder = holder[part]
+        if piece is None or path == piece.path or value is None:
+            raise UsageError(f"there is no {dotted(path)}")
+        if isinstance(holder, list) or (len(path) > len(piece.path) + 1 and path[-1] not in holder):
+            raise UsageError(f"there is no {dotted(path)}")
+        return [Put(path, value)]
 
     def removal(self, path: KeyPath) -> list[Edit]:
         """Return the edits that remove a piece, and its passings; `UsageError` for the start and the finish."""
@@ -214,8 +234,12 @@ def layout_of(inputs: Inputs) -> EditableCourse:
         drawings[element.base_name] = drawings.get(element.base_name, ()) + strokes
     for obstacle in course.obstacles:
         drawings[f"obstacles {obstacle.name}"] = ((*obstacle.outline, obstacle.outline[0]),)
+    distances = {("crowd", crowd.name): crowd.distance for crowd in course.crowd}
+    distances |= {("obstacles", obstacle.name): obstacle.clearance for obstacle in course.obstacles}
+    for passage in course.passages:
+        distances |= {("safety_lines", line.name): line.margin for line in passage.safety_lines}
     entries = list[tuple[KeyPath, Any, str]]()
-    for group in ("gates", "obstacles", "crowd", "safety_lines"):
+    for group in GROUPS:
         members: dict[str, Plain] = plain.get(group) or {}
         kind = group.replace("_", " ").rstrip("s")
         entries += [((group, name), entry, entry.get("type", kind)) for name, entry in members.items()]
@@ -227,7 +251,8 @@ def layout_of(inputs: Inputs) -> EditableCourse:
         drawing = drawings.get(str(path[-1]) if path[0] == "gates" else f"obstacles {path[-1]}", ())
         strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawing)
         closed = kind == "airspace" or "polygon" in entry
-        pieces.append(Piece(path, kind, tuple(_spots(path, entry, course.origin)), turn, entry, strokes, closed))
+        spots, distance = tuple(_spots(path, entry, course.origin)), distances.get((str(path[0]), str(path[-1])), 0.0)
+        pieces.append(Piece(path, kind, spots, turn, entry, strokes, closed, distance))
     return EditableCourse(inputs, plain, tuple(references), tuple(pieces))
 
 

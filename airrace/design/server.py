@@ -20,8 +20,10 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from airrace.design.designer import ChangedOnDisk, Designer, StaleRevision
-from airrace.errors import AirraceError, InputError
+from airrace.design.designer import Designer
+from airrace.design.pieces import GROUPS
+from airrace.design.track_file import ChangedOnDisk, StaleRevision
+from airrace.errors import AirraceError, Finding, InputError
 
 FOLDER = Path(__file__).parent
 LOOPBACK = "127.0.0.1"
@@ -43,6 +45,8 @@ MESSAGE_MAX = 256 * 1024
 STATE_TIMEOUT, STATE_POLL_INTERVAL = 20.0, 0.02
 """The time for which a page waits for another state, and between two looks for it, s."""
 TOKEN_BYTES = 24
+REASON_MAX = 1000
+"""The longest reason of a refusal, characters."""
 
 
 class _Guard:
@@ -84,7 +88,17 @@ class _Guard:
         return None
 
 
+def _reason(finding: Finding) -> str:
+    """Return a fault of the course, with pieces named as they are drawn: without the group of the file."""
+    group, _, name = finding.key.partition(".")
+    key = name if group in GROUPS and name else finding.key
+    return f"{key}: {finding.message}" if key else finding.message
+
+
 def _refusal(status: int, text: str) -> Response:
+    text = f"{text:.{REASON_MAX}}".encode(
+        errors="replace"
+    ).decode()  # it may quote what was sent, half a character even
     return JSONResponse({"error": text}, status, headers=HEADERS)
 
 
@@ -107,7 +121,9 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
 
     async def act(request: Request) -> Response:
         try:
-            await run_in_threadpool(designer.do, request.path_params["action"], json.loads(await request.body()))
+            answer = await run_in_threadpool(
+                designer.do, request.path_params["action"], json.loads(await request.body())
+            )
         except (ValueError, RecursionError):
             return _refusal(400, "the message is no JSON")
         except ChangedOnDisk as error:
@@ -116,11 +132,10 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
             return _refusal(409, str(error))
         except InputError as error:
             findings = error.findings[:5]
-            texts = [f"{finding.key}: {finding.message}" if finding.key else finding.message for finding in findings]
-            return _refusal(422, "; ".join(texts))
+            return _refusal(422, "; ".join(map(_reason, findings)))
         except AirraceError as error:
             return _refusal(422, str(error))
-        return JSONResponse({"version": designer.version, "revision": designer.track.revision}, headers=HEADERS)
+        return JSONResponse(answer, headers=HEADERS)
 
     async def picture(request: Request) -> Response:
         try:
@@ -154,14 +169,23 @@ class DesignServer:
     """
 
     def __init__(self, designer: Designer, port: int = 0) -> None:
-        """Take a port; 0 for one that is free.
+        """Take a port; 0 for that of a designer that was killed, with its token, or for one that is free.
 
         Raises:
             OSError: the port is taken.
         """
-        self._socket = socket.create_server((LOOPBACK, port))
-        port = self._socket.getsockname()[1]
+        left = designer.address_file
         token = secrets.token_urlsafe(TOKEN_BYTES)
+        try:
+            self._socket = socket.create_server((LOOPBACK, port or left.port))
+        except OSError:
+            if port or not left.port:
+                raise
+            self._socket = socket.create_server((LOOPBACK, 0))
+        port = self._socket.getsockname()[1]
+        if port == left.port:
+            token = left.token
+        left.write(port, token)
         self.address = f"http://{LOOPBACK}:{port}/{token}/"
         hosts = (f"{LOOPBACK}:{port}", f"localhost:{port}")
         app = application(designer, hosts, token, lambda: self._server.should_exit)

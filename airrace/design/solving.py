@@ -74,9 +74,10 @@ class AircraftSession:
 
     def __init__(self, aircraft: str | None, notify: Callable[[], None]) -> None:
         self.aircraft, self._notify = aircraft, notify
-        self._lock = threading.Condition()  # of the five fields below, never held for long; tells of other requests
+        self._lock = threading.Condition()  # of the six fields below, never held for long; tells of other requests
         self._result: dict[str, object] = {"aircraft": aircraft, "busy": "solving"}
         self._request: LayoutRequest | None = None  # None after the end, too
+        self._closed = False
         self._run: RunState | None = None
         self._session: Session | None = None
         self._optimum: StageView | None = None  # the last one of the session, from which the next one starts
@@ -87,13 +88,17 @@ class AircraftSession:
     def submit(self, request: LayoutRequest) -> None:
         """Ask for a layout to be solved; a request before it is dropped."""
         with self._lock:
+            if self._closed:
+                return
             self._request = request
             self._lock.notify_all()
-        self._solver.submit(self._guard, self._solve, request)
+            self._solver.submit(self._guard, self._solve, request)
 
     def submit_six_dof(self) -> None:
         """Ask for the layout with six degrees of freedom, in the background."""
-        self._background.submit(self._guard, self._fly_six_dof)
+        with self._lock:
+            if not self._closed:
+                self._background.submit(self._guard, self._fly_six_dof)
 
     def result(self) -> dict[str, object]:
         """Return what there is to see, for JSON."""
@@ -111,13 +116,13 @@ class AircraftSession:
     def close(self) -> None:
         """End the solvers and the threads; what is under way is broken off at its next iteration."""
         with self._lock:
-            self._request = None
+            self._request, self._closed = None, True
             self._lock.notify_all()
             session = self._session
+            for executor in (self._solver, self._background):
+                executor.shutdown(wait=False, cancel_futures=True)
         if session is not None:
             session.close()
-        for executor in (self._solver, self._background):
-            executor.shutdown(wait=False, cancel_futures=True)
 
     def _guard(self, work: Callable[..., None], *arguments: object) -> None:
         """Do a piece of work; an error is shown, and the next one is done all the same."""
@@ -127,6 +132,8 @@ class AircraftSession:
         except (AirraceError, CancelledError) as error:
             problem = str(error)
         except Exception as error:
+            if self._closed:  # pools that end with the program refuse what this thread still asks of them
+                return
             logger.exception("the layout cannot be solved")
             problem = f"{type(error).__name__}: {error}"
         if problem:
@@ -215,7 +222,7 @@ class AircraftSession:
             return
         if optimum is not None and holds:
             self._show(busy="mesh check")
-            with suppress(CancelledError):
+            with suppress(CancelledError, UsageError):  # another answer, or session, has come meanwhile
                 checked = session.certify(optimum).result()
                 with self._solving:  # another optimum must not be shown meanwhile
                     if self._optimum is optimum:

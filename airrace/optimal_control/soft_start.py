@@ -6,9 +6,9 @@ start is a box around `m` whose size is paid for:
     |x_i(0) - m_i| <= r s_i,     r >= 0,     minimise  J + w r
 
 The price `w` is an exact penalty: where a step of every deviation saves less than `w`, the start is `m` itself. Else
-the value falls behind that of `m` by no more than `w` per deviation, which `J + w r` makes up for, so that a free box
-is no gain. As a function of `m` it is finite wherever any start has a solution, and changes by at most `w` per
-deviation (the Pasch-Hausdorff envelope of the value function). The size `r` is a state without a rate.
+it is as near as is worth `w` per deviation. As a function of `m` the minimum of `J + w r` is finite wherever any start
+has a solution, and changes by at most `w` per deviation (the Pasch-Hausdorff envelope of the value function). The size
+`r` is a state without a rate.
 """
 
 import functools

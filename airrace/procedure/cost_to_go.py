@@ -50,8 +50,8 @@ VELOCITY_SECONDS = 0.5
 loop is not left where it crosses itself."""
 JOINING_SPEED = 10.0
 """The difference of speeds within which it does, m/s; the costate of the speed holds nearby."""
-UNKNOWN_FACTOR = 10.0
-"""The factor on the usual deviation of a state that was not measured."""
+UNKNOWN_FACTOR = 100.0
+"""The factor on the usual deviation of a state that was not measured (1): a roll rate may be any."""
 RELAXED_MIN = 0.02
 """The deviations from which on a start has given way (1); the barrier leaves less."""
 SPEED = "V_K"
@@ -74,11 +74,12 @@ class Continuation:
 
     Attributes:
         trajectory: from there to its end; its clock starts at the state.
-        cost: the cost to go, s: what the flight takes, what follows its end, and the price of what gave way.
+        cost: the cost to go, s: what the flight takes, what follows its end, and what the start gained by giving way,
+            at the optimum's prices.
         relaxed: the deviations by which the start had to give way (1); 0 but for rounding where it had not.
         changes: of the states for which it did, by name, in their units.
         binding: the limit that asks most of the flight; for people.
-        prices: the derivatives of the cost by each state, s per unit.
+        prices: the derivatives of the cost by each state, s per unit; where the start gave way those of the optimum.
         leg: on which the state is.
         time: the time on the clock of the optimum at which that is nearest, s.
         solved: whether it is an optimum; else a flight, and so an upper bound of the cost.
@@ -103,16 +104,26 @@ class Continuation:
         """What had to give way, in words; empty where nothing had to."""
         if not self.solved:
             return "no better flight was found from this state than back to the optimum's line"
-        words = [f"{name} {change:+.2g} {_UNITS.get(name, '')}".rstrip() for name, change in self.changes.items()]
+        words = self._change_words()
         if not words:
             return ""
         if self.relaxed < RELAXED_MIN:
             return f"taken within the aircraft's limits: {', '.join(words)}"
         reason = f" ({self.binding})" if self.binding else ""
-        return f"no flight leads on from this state, or hardly one{reason}; the nearest begins with {', '.join(words)}"
+        return f"no flight leads on from this state, or hardly one{reason}; the nearest differs: {', '.join(words)}"
 
-
-_UNITS = {"x": "m north", "y": "m east", "z": "m down", "V_K": "m/s", "n_z": "g", "n_y": "g", "p_Kbar": "rad/s"}
+    def _change_words(self) -> list[str]:
+        """Return what has changed, in words: place and attitude as a whole, everything else by its name."""
+        changes = self.changes
+        place = math.hypot(*(changes.get(name, 0.0) for name in ("x", "y", "z")))
+        turned = math.degrees(2.0 * math.hypot(*(changes.get(name, 0.0) for name in QUATERNION)))
+        words = [f"{place:.2g} m away"] if place else []
+        words += [f"turned by {turned:.2g} deg"] if turned else []
+        for quantity in self.trajectory.states:
+            if quantity.name in changes and quantity.name not in ("x", "y", "z", *QUATERNION):
+                unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+                words.append(f"{quantity.name} {changes[quantity.name]:+.2g}{unit}")
+        return words
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +245,7 @@ class CostToGo:
         Args:
             session: solves, by the primary solver alone.
             state: by name (SI), at least `PLACE_NAMES`; those that are missing are the optimum's at its place, and may
-                be ten times the usual deviation away.
+                be far away.
             leg: on which the state is, from 0.
             deviations: how well the states are known, by name; None for `usual_deviations`.
             gates: the flight ends at the so many-th gate ahead, near the optimum; None for the finish.
@@ -261,14 +272,17 @@ class CostToGo:
             first, second, *others = iterate.durations.tolist()
             iterate = replace(iterate, durations=np.array([first + second, *others]))
             rest = _with_first_share(rest, first / (first + second))
-        prices = dict(zip(self._names, self._costates[:, max(node - 1, 0)].tolist(), strict=True))
-        binding = ""
+        # The prices of a start that gives way are those of giving way: what it gains is counted at usual ones.
+        slopes, binding = self._costates[:, max(node - 1, 0)], ""
+        prices = dict(zip(self._names, slopes.tolist(), strict=True))
+        gained = 0.0 if relaxed < RELAXED_MIN else float(slopes @ (start.state - iterate.state[:, 0]))
         if solution is not None:
-            prices, binding = self._prices(layout, solution.multipliers), _binding(layout, solution.multipliers)
+            binding = _binding(layout, solution.multipliers)
+            prices = prices if relaxed > RELAXED_MIN else self._prices(layout, solution.multipliers)
         following = sum(weight * iterate.state[self._names.index(name), -1] for name, weight in _costs(rest).items())
         return Continuation(
             trajectory=trajectory_of(rest, iterate),
-            cost=float(iterate.durations.sum()) + behind + float(following) + price * relaxed,
+            cost=float(iterate.durations.sum()) + behind + float(following) + gained,
             relaxed=relaxed,
             changes=start.changes(iterate.state[:, 0], relaxed),
             binding=binding,

@@ -4,20 +4,27 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from pathlib import Path
 
 from airrace.errors import UsageError
 from airrace.flights.logs.violations import StandardDeviations
 from airrace.flights.results import Flight
+from airrace.flights.results.comparison import ensure_comparable
 from airrace.flights.results.cost_to_go import BANK, PATH, CostToGoLoss, Moment, losses_of, moments_of
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.cost_to_go import Continuation, CostToGo, usual_deviations
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
+from airrace.runs.flight_sources import open_file, open_flights, open_sources
 from airrace.runs.log_view import LogView
+from airrace.runs.output import FlightName
+from airrace.runs.run_state import RunState
 from airrace.runs.stage_view import StageView
 from airrace.runs.verification import flight_again
 from airrace.runtime.process import available_cores
+from airrace.runtime.standard_streams import stem_of
 
 JOBS = 4
 """The parts into which the states of a flight are divided, to be solved side by side."""
@@ -81,6 +88,43 @@ def cost_to_go_loss(
         parts = session.side_by_side(jobs)
     continuations = [parts[row % JOBS][row // JOBS] for row in range(len(moments))]
     return losses_of(flight, moments, continuations, known, view.result, label or view.name)
+
+
+def losses_by_name(names: Sequence[str], *, stage: str | None = None) -> list[CostToGoLoss]:
+    """Return what all flights but the first lost, by the cost to go of the first one's run.
+
+    A flight of the same stage is judged by that, any other by the run's point mass: of a log its states are known.
+
+    Args:
+        names: of the flights, see `airrace.runs.flight_sources`.
+        stage: for runs whose names say none.
+
+    Raises:
+        UsageError: the first is no optimum of a run that has a point mass, or a flight lacks a passing.
+        SolverCrash: a solver process died.
+    """
+    first, *others = open_sources(names, stage=stage)
+    run = open_file(FlightName.of(names[0]).path) if isinstance(first, StageView) else None
+    if not isinstance(first, StageView) or not isinstance(run, RunState):
+        raise UsageError(f"{names[0]} is a flight log: the cost to go takes the optimum of a run, which stands first")
+    flights, losses = open_flights(names, stage=stage), list[CostToGoLoss]()
+    for source, flight in zip(others, flights[1:], strict=True):
+        own = isinstance(source, StageView) and source.stage is first.stage
+        view = first if own else run.stage(Stage.POINT_MASS)
+        log = source if isinstance(source, LogView) else None
+        losses.append(cost_to_go_loss(view, flight, log, label=f"{stem_of(Path(names[0]))}:{view.name}"))
+    return losses
+
+
+def log_loss(run: Path, log: LogView) -> CostToGoLoss:
+    """Return what a log's flight lost by the cost to go of a run's point mass; errors as of `losses_by_name`."""
+    opened = open_file(run)
+    if not isinstance(opened, RunState):
+        raise UsageError(f"{run} is a flight log: the cost to go takes the optimum of a run")
+    view, flight = opened.stage(Stage.POINT_MASS), log.flight()
+    own_flight = view.flight()
+    ensure_comparable((own_flight.label, own_flight.course), (flight.label, flight.course))
+    return cost_to_go_loss(view, flight, log, label=f"{stem_of(run)}:{view.name}")
 
 
 def _solve_some(

@@ -57,6 +57,13 @@ def open_flights(
     return _open_with_files(texts, stage, verify, comparable=comparable)[1]
 
 
+def open_sources(texts: Sequence[str], *, stage: str | None = None) -> list[StageView | LogView]:
+    """Return the stages and logs of these names, as they are stored; errors as of `open_flights`."""
+    names = [FlightName.of(text) for text in texts]
+    opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
+    return [_source(name, opened, stage) for name in names]
+
+
 def _open_with_files(
     texts: Sequence[str], stage: str | None, verify: bool | None, *, comparable: bool = False
 ) -> tuple[dict[Path, RunState | LogView], list[Flight]]:
@@ -296,6 +303,7 @@ def report_of_flights(
     verify: bool = True,
     envelope: int = 0,
     units: Units = RACE,
+    beside: Sequence[str] = (),
 ) -> tuple[str, list[Flight]]:
     """Return the page as text, and its flights.
 
@@ -307,6 +315,7 @@ def report_of_flights(
         verify: whether the stages are measured again, which takes about a second each.
         envelope: how many closed-loop flights show in the scene how far they stray; 0 for none.
         units: of speeds and lengths.
+        beside: sections on the other flights, HTML.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -327,7 +336,9 @@ def report_of_flights(
         footer = f"airrace {flights[0].source.version}"
         return flight_page(flights, log_sections(run_or_log), footer, units=units), flights
     view = run_or_log.stage(first.stage or stage)
-    page = _stage_page(run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope, units=units)
+    page = _stage_page(
+        run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope, units=units, beside=beside
+    )
     return page, flights
 
 
@@ -369,9 +380,16 @@ def report_page(
 
 
 def _stage_page(
-    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int, units: Units
+    run: RunState,
+    view: StageView,
+    flights: Sequence[Flight],
+    *,
+    sensitivities: bool,
+    envelope: int,
+    units: Units,
+    beside: Sequence[str] = (),
 ) -> str:
-    """Return the report about a stage of a run, with its flight and those beside it."""
+    """Return the report about a stage of a run, with its flight and those beside it; `beside` are sections on them."""
     from airrace.pages.report.flight_page import flight_page
     from airrace.pages.report.sections import claim_section
 
@@ -380,7 +398,7 @@ def _stage_page(
     scatter = view.safety(flights=envelope).result if envelope else None
     message = f"noted when it was solved: {view.message}" if view.message else ""
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", message, view.stale) if text)
-    sections = [claim_section(claim_text, verification, view.stamp), *sections]
+    sections = [*beside, claim_section(claim_text, verification, view.stamp), *sections]
     return flight_page(flights, sections, footer, claimed=True, envelope=scatter, units=units)
 
 

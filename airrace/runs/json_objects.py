@@ -17,6 +17,7 @@ from airrace.flights.results.comparison import (
     compare_flights,
     conditions,
 )
+from airrace.flights.results.cost_to_go import CostToGoLoss
 from airrace.flights.results.flight import passings_around
 from airrace.flights.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
 from airrace.flights.results.sectors import JOINT, SectorTimes
@@ -360,6 +361,7 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
         ],
         "laps": laps_table(comparison).objects(),
         "costs": _loss_object(time_loss(comparison)),
+        "cost_to_go": None if comparison.cost_to_go is None else cost_to_go_object(comparison.cost_to_go),
         "legs": [
             {**row, "differs": _difference_objects(leg)}
             for row, leg in zip(lost_table(comparison.legs).objects(), comparison.legs, strict=True)
@@ -410,6 +412,38 @@ def _item_object(loss: Loss) -> dict[str, object]:
             for part in loss.parts
         ],
         "text": loss_text(loss),
+    }
+
+
+def cost_to_go_object(loss: CostToGoLoss) -> dict[str, object]:
+    """Return what a flight lost by the cost to go: seconds, on the clock of the flight."""
+    return {
+        "flight": loss.flight.label,
+        "against": loss.against,
+        "race_time_s": loss.race_time,
+        "total_s": loss.total,
+        "start_s": loss.start,
+        "costliest": [{"passing": leg.leg.name, "lost_s": leg.amount, "text": leg.words} for leg in loss.costliest],
+        "legs": [
+            {
+                "from": leg.leg.before.name,
+                "passing": leg.leg.name,
+                "lost_s": leg.amount,
+                "deviation_s": leg.deviation,
+                **{f"by_{name}_s": part for name, part in leg.parts.items()},
+                "cues": [{"begins_with": cue.name, "time_s": cue.time, "lost_s": cue.amount} for cue in leg.cues],
+            }
+            for leg in loss.legs
+        ],
+        "moments": [
+            {
+                "time_s": sample.moment.time,
+                "cost_to_go_s": sample.cost,
+                "deviation_s": sample.deviation,
+                "gave_way": sample.text or None,
+            }
+            for sample in loss.samples
+        ],
     }
 
 

@@ -15,9 +15,10 @@ from airrace.files.inputs import Inputs, inputs_from_documents
 from airrace.flights.logs.violations import Violation
 from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing, Verification
 from airrace.flights.results.clearances import with_distances
+from airrace.flights.results.cost_to_go import CostToGoLoss
 from airrace.pages.views.log_tables import passings_table, violations_table
 from airrace.procedure.result import GateSplit
-from airrace.runs.json_objects import finite, legs_object, stamp_object, verification_object
+from airrace.runs.json_objects import cost_to_go_object, finite, legs_object, stamp_object, verification_object
 from airrace.runs.output import write_or_return
 from airrace.runs.stage_data import Splits
 from airrace.runs.stored_inputs import library_versions, stored_documents, stored_inputs
@@ -39,11 +40,13 @@ class LogView:
         inputs: course, aircraft and air, as they were given.
         recorded: what its file holds.
         verification: the outcome of making the flight of the stored log once more; None where that was no question.
+        cost_to_go: its losses by the cost to go of a run; None where that was no question. It is stored nowhere.
     """
 
     inputs: Inputs
     recorded: LogCheckpoint
     verification: Verification | None = None
+    cost_to_go: CostToGoLoss | None = None
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -175,6 +178,7 @@ class LogView:
             "passings": passings_table(flight).objects(),
             "violations": violations_table(self.violations).objects(),
             **legs_object(flight),
+            **({} if self.cost_to_go is None else {"cost_to_go": cost_to_go_object(self.cost_to_go)}),
             "histories": {name: history.basis.value for name, history in flight.histories.items()},
             "remarks": list(self.remarks),
         }

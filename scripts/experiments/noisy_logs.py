@@ -22,7 +22,7 @@ import argparse
 import math
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,11 +34,10 @@ from airrace.errors import InputError
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
-from airrace.flights.logs.violations import beyond, height_window
-from airrace.model.track.gates import Passing
+from airrace.flights.logs.violations import as_judged, beyond, height_window
+from airrace.flights.results import Flight, TimedCrossing
 from airrace.optimal_control.quantities import Interval
 from airrace.procedure.stored_stages import sampler
-from airrace.flights.results import Flight, TimedCrossing
 
 LEAD = 4.0
 """The time of straight flight before the start and behind the finish, s."""
@@ -59,13 +58,16 @@ QUANTITIES = ("time", "aside", "height", "path", "speed", "bank")
 ERRORS = ("white", "receiver", "common")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Detour:
     """A passing that is made otherwise: by so many metres upwards or to the right."""
 
     crossing: TimedCrossing
     up: float = 0.0
     right: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"{self.crossing.name} at {self.crossing.time:.1f} s {self.up:+.1f} m up {self.right:+.1f} m right"
 
     @property
     def size(self) -> float:
@@ -76,6 +78,35 @@ class Detour:
     def lasting(self) -> float:
         """The time from its begin to the passing, s."""
         return math.pi * math.sqrt(self.size / (2.0 * PULL))
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """What logs are drawn from: an optimum, read once.
+
+    Attributes:
+        run: whose last stage it is.
+        flight: its histories and crossings.
+        at: its states at times, s.
+    """
+
+    run: Run
+    flight: Flight
+    at: Callable[[np.ndarray], Mapping[str, np.ndarray]]
+
+    @property
+    def gates(self) -> list[TimedCrossing]:
+        """The passings of what stands and has heights."""
+        return [
+            crossing
+            for crossing in self.flight.crossings
+            if crossing.passage.element.stands and math.isfinite(height_window(crossing.passage.element, 0.0).upper)
+        ]
+
+    @classmethod
+    def of(cls, run: Run) -> "Optimum":
+        """Return the optimum of a run."""
+        return cls(run, run.stages[-1].flight(), sampler(run.inputs.race, run.results[-1]))
 
 
 @dataclass(frozen=True)
@@ -117,13 +148,9 @@ class LogDraw:
     stuck: float = math.inf
 
 
-def drawn(random: np.random.Generator, flight: Flight, errors: str) -> LogDraw:
+def drawn(random: np.random.Generator, optimum: Optimum, errors: str) -> LogDraw:
     """Return one way to record a flight."""
-    gates = [
-        crossing
-        for crossing in flight.crossings
-        if crossing.passage.element.stands and math.isfinite(height_window(crossing.passage.element, 0.0).upper)
-    ]
+    flight, gates = optimum.flight, optimum.gates
     detour = None
     if gates and random.random() < 0.5:
         crossing, size = gates[int(random.integers(len(gates)))], float(random.uniform(1.0, 30.0))
@@ -160,10 +187,9 @@ def wandering_error(deviation: float, time: np.ndarray, random: np.random.Genera
     return error
 
 
-def log_text(run: Run, draw: LogDraw, random: np.random.Generator) -> str:
+def log_text(optimum: Optimum, draw: LogDraw, random: np.random.Generator) -> str:
     """Return the log as comma-separated values."""
-    at, last = sampler(run.inputs.race, run.results[-1]), run.race_time
-    flight = run.stages[-1].flight()
+    at, flight, last = optimum.at, optimum.flight, optimum.flight.race_time
     rows = np.arange(draw.begin, last + LEAD, 1.0 / (draw.hz * draw.held))
     fresh = rows[:: draw.held]
     inside, ends = at(np.clip(fresh, 0.0, last)), at(np.array([0.0, EDGE, last - EDGE, last]))
@@ -290,44 +316,42 @@ class Count:
                 self.lost.append(f"{label}: {breach:.2f} m, told {told:.2f} m; {values}")
 
 
-def is_legal(run: Run) -> bool:
-    """Return whether the optimum keeps the rules of logs: wing tips clear of pylons that it was to pass at a point."""
-    elements = [passage.element for passage in run.inputs.race.course.passages]
-    points = [getattr(element, "passing", None) is Passing.POINT for element in elements]
-    return not any(point and hasattr(element, "reach") for point, element in zip(points, elements, strict=True))
-
-
 def true_excess(crossing: TimedCrossing, detour: Detour) -> float:
     """Return by how much a passing is beyond its limits with a detour, m."""
     element = crossing.passage.element
     if detour.up:
         return abs(beyond(crossing.value("height") + detour.up, height_window(element, 0.0)))
-    half = 0.5 * getattr(element, "width", math.inf)
-    axis = crossing.value("chi")  # nearly
+    chi, half = crossing.value("chi"), 0.5 * getattr(element, "width", math.inf)
+    axes = {candidate.axis for candidate in element.crossings(crossing.passage.direction, 0.0, rolling=False)}
+    axis = min(axes, key=lambda axis: abs(math.remainder(axis - chi, math.tau)))
     north, east = (crossing.value(name) - place for name, place in zip("xy", element.place or (0.0, 0.0), strict=True))
-    return abs(beyond(east * math.cos(axis) - north * math.sin(axis) + detour.right, Interval(-half, half)))
+    right = east * math.cos(axis) - north * math.sin(axis) + detour.right * math.cos(chi - axis)  # nearly
+    return abs(beyond(right, as_judged(element).conditions(axis).get("right", Interval(-half, half))))
 
 
 def main() -> None:
     """Record, import, print."""
     arguments = _arguments()
-    runs = [run for run in map(airrace.open, arguments.runs) if is_legal(run)]
-    flights = [run.stages[-1].flight() for run in runs]
+    optima = [Optimum.of(run) for run in map(airrace.open, arguments.runs)]
+    optima = [optimum for optimum in optima if optimum.gates]  # no log shows which course it is of otherwise
     count = Count()
     for number in range(arguments.logs):
         random = np.random.default_rng((arguments.seed, number))
-        which = int(random.integers(len(runs)))
-        draw = drawn(random, flights[which], arguments.errors)
-        label = f"{number}: {runs[which].name} {draw}"
+        optimum = optima[int(random.integers(len(optima)))]
+        draw = drawn(random, optimum, arguments.errors)
+        label = f"{number}: {optimum.run.name} {draw}"
         try:
             flown = imported(
-                runs[which], log_text(runs[which], draw, random), STATED if arguments.errors == "white" else None
+                optimum.run, log_text(optimum, draw, random), STATED if arguments.errors == "white" else None
             )
         except InputError as error:
             count.refused += 1
             print(f"{label}: {error}", file=sys.stderr, flush=True)
             continue
-        count.take(flown, flights[which], draw, label)
+        before = len(count.false), len(count.lost)
+        count.take(flown, optimum.flight, draw, label)
+        for line in (*count.false[before[0] :], *count.lost[before[1] :]):
+            print(line, file=sys.stderr, flush=True)
     print("| logs | refused | false certain violations | certain breaches | breaches by 5 deviations | found |")
     print("|---|---|---|---|---|---|")
     found = count.breaches - len(count.lost)

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from airrace.design import solving
-from airrace.design.designer import Designer, TrackFile
+from airrace.design.designer import Designer
 from airrace.design.solving import AircraftSession, LayoutRequest
+from airrace.design.track_file import TrackFile
 from airrace.procedure.result import Progress
 from airrace.procedure.stage import Stage
 
@@ -59,6 +60,30 @@ def test_the_threads_end_with_the_session(track: Path, monkeypatch: pytest.Monke
     for thread in threads:
         thread.join(20.0)
         assert not thread.is_alive()
+
+
+def test_a_session_that_is_closed_takes_no_more_requests(track: Path) -> None:
+    session, document = AircraftSession(None, lambda: None), TrackFile(track).document
+    before = set(threading.enumerate())
+    session.close()
+    session.submit(LayoutRequest(1, document, ()))
+    session.submit_six_dof()
+    assert set(threading.enumerate()) <= before
+    assert session._request is None
+
+
+def test_an_error_after_the_end_is_nobodys_concern(track: Path, caplog: pytest.LogCaptureFixture) -> None:
+    session = AircraftSession(None, lambda: None)
+
+    def fail() -> None:
+        raise RuntimeError("cannot schedule new futures after interpreter shutdown")
+
+    session._guard(fail)
+    assert "the layout cannot be solved" in caplog.text
+    caplog.clear()
+    session.close()
+    session._guard(fail)
+    assert not caplog.text
 
 
 def test_no_change_that_one_of_several_threads_shows_is_lost(still: Designer, track: Path) -> None:

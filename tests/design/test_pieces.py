@@ -4,12 +4,14 @@ import difflib
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from three_gates import COURSE
 
-from airrace.design.designer import Designer, TrackFile
+from airrace.design.designer import Designer
 from airrace.design.pieces import layout_of
+from airrace.design.track_file import TrackFile
 from airrace.errors import InputError, UsageError
 from airrace.files.inputs import load_inputs
 
@@ -51,6 +53,41 @@ def test_a_new_gate_is_passed_where_it_makes_the_least_detour_and_removed_with_i
     assert names == ["0:start", "1:corner", "1:g1", "1:last"]
     does(still, "remove", path=["gates", "g1"])
     assert still.track.document.text == COURSE
+
+
+def test_a_pylon_of_a_gate_that_came_as_two_is_set_by_its_number(still: Designer) -> None:
+    does(still, "set", path=["gates", "last", "pylons", 1, "east_m"], value=320)
+    assert still.track.layout.piece(("gates", "last")).spots[1].east == 320.0
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("rules.floor_m", 12), ("rules.ceiling_m", 90), ("rules.pilot", "display"), ("course.laps", 2)],
+)
+def test_an_entry_of_the_form_is_set_and_taken_out_again(still: Designer, path: str, value: object) -> None:
+    keys = path.split(".")
+    before = still.track.layout.plain[keys[0]].get(keys[1])
+    does(still, "set", path=keys, value=value)
+    form: Any = still.state()["form"]
+    assert [field["value"] for field in form if list(field["path"]) == keys] == [value]
+    does(still, "set", path=keys, value=before)
+    assert still.track.layout.plain[keys[0]].get(keys[1]) == before
+
+
+def test_a_passing_is_moved_and_moved_back_and_directed(still: Designer) -> None:
+    def order() -> list[str]:
+        return [passage.name for passage in still.track.layout.inputs.race.course.passages]
+
+    before = order()
+    does(still, "passing", path=["course", "lap", 0], later=True)
+    assert order() == [before[0], "1:last", "1:corner"]
+    does(still, "passing", path=["course", "lap", 1], later=False)
+    assert order() == before
+    for direction in ("reverse", "planned", ""):
+        does(still, "passing", path=["course", "lap", 1], direction=direction)
+        passings: Any = still.state()["passings"]
+        assert passings[-1]["direction"] == direction
+        does(still, "passing", path=["course", "start"], direction=direction)
 
 
 @pytest.mark.parametrize("kind", ["level", "knife-edge", "pylon", "obstacle", "crowd", "safety line", "airspace"])
@@ -106,7 +143,15 @@ def test_places_given_by_latitude_and_longitude_stay_so(track: Path) -> None:
         ("move", {"places": [{"path": ["gates", "corner"], "north": 1e9, "east": 2}], "turns": []}, InputError),
         ("move", {"places": [{"path": ["gates", "corner"], "north": "x", "east": 2}], "turns": []}, UsageError),
         ("set", {"path": ["gates", "corner", "height_m"], "value": -3}, InputError),
-        ("set", {"path": ["rules", "n_z_max"], "value": 3}, UsageError),
+        ("set", {"path": ["rules", "n_z_max"], "value": -3}, InputError),
+        ("set", {"path": ["rules", "alpha_max_deg"], "value": 3}, UsageError),
+        ("set", {"path": ["aircraft"], "value": "edge540"}, UsageError),
+        ("set", {"path": ["gates", "last", "pylons", 0, "height_m"], "value": 3}, UsageError),
+        ("set", {"path": ["gates", "last", "pylons", 0], "value": 3}, UsageError),
+        ("set", {"path": [], "value": 3}, UsageError),
+        ("passing", {"path": ["course", "start"], "later": True}, UsageError),
+        ("passing", {"path": ["course", "lap", 1], "later": True}, UsageError),
+        ("passing", {"path": ["course", "lap", 0], "direction": "up"}, UsageError),
         ("add", {"kind": "tree", "north": 1, "east": 2}, UsageError),
         ("values", {"values": {"rules.floor_m": 1}}, UsageError),
         ("aircraft", {"names": ["/etc/passwd"]}, UsageError),

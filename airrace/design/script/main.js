@@ -1,76 +1,125 @@
 // The page of the designer: a view of the state that the server has, and the link to it.
 
-import { showSessions, showPiece, showSliders, showTables } from "./panels.js";
+import { showPiece, showRace, showSessions, showSliders, showTables } from "./panels.js";
 import { Placing, Plan } from "./plan.js";
 
 const RETRY_MS = 1000;
 
 // A link that is lost is tried again for ever; what comes back is the whole state, so that nothing depends on what was
-// missed.
+// missed. Changes wait in a queue until they are answered: those made without a link are handed back when it returns,
+// to a designer that was started anew, too.
 class Link {
   constructor({ show, status, tell }) {
     Object.assign(this, { show, status, tell });
     this.state = null;
     this.revision = -1;
-    this.waiting = Promise.resolve();
-    this.version = "";
+    this.pending = [];  // the first one may be under way
+    this.sending = false;
+    this.lost = true;  // until the first state has come
+    this.poll = null;
     this.listen();
   }
 
   async listen() {
+    let version = "";
     for (;;) {
+      this.poll = new AbortController();
       try {
-        const answer = await fetch(`state?since=${this.version}`, { cache: "no-store" });
-        if (!answer.ok) throw new Error((await answer.json()).error);
-        const state = await answer.json();
-        const changed = String(state.version) !== this.version;
-        this.version = String(state.version);
-        this.status("");
+        let state = await this.fetchState(`?since=${version}`, this.poll.signal);
+        const changed = String(state.version) !== version || this.lost;
+        version = String(state.version);
+        if (this.state && (this.lost || state.designer !== this.state.designer)) state = await this.handBack(state);
         if (changed) this.take(state);
+        this.lost = false;
+        this.status("");
+        this.send();
       } catch (error) {
-        this.version = "";
-        this.status(`no link to airrace design (${error.message}); it is tried again`);
+        version = "";
+        this.lost = true;
+        const count = this.pending.length;
+        const kept = count ? `; ${count} change${count > 1 ? "s" : ""} kept in this page until it is back` : "";
+        this.status(`no link to airrace design (${error.message}); it is tried again${kept}`);
         await new Promise((done) => setTimeout(done, RETRY_MS));
       }
     }
   }
 
+  async fetchState(query = "", signal = undefined) {
+    const answer = await fetch(`state${query}`, { cache: "no-store", signal });
+    if (!answer.ok) throw new Error((await answer.json()).error);
+    return answer.json();
+  }
+
+  // Make what this page has and the designer may lack known to it, but for the queue; return the state after that.
+  async handBack(state) {
+    const before = this.state;
+    if (state.designer !== before.designer) {
+      this.revision = state.revision;
+      if (state.offer) await this.post("take");
+      if (before.text !== null) await this.post("restore", { text: before.text });
+      state = await this.fetchState();
+    }
+    const [first] = this.pending;
+    // One whose answer was lost was done if the text has changed; a place may be put twice.
+    if (first?.sent && !this.sending && first.action !== "move" && state.digest !== first.digest) {
+      this.pending.shift().resolve({ done: true, revision: state.revision });
+    }
+    return state;
+  }
+
   take(state) {
+    if (this.state?.designer !== state.designer) this.revision = state.revision;
     this.state = state;
-    this.revision = Math.max(this.revision, state.revision);
-    if (state.revision >= this.revision) this.show(state);
+    if (state.revision < this.revision) return;
+    Object.assign(this, { revision: state.revision, digest: state.digest });
+    this.show(state);
   }
 
   // Ask for something; one request after another, each on the revision that the one before has left. Returns whether
   // it was done, the answer of one that was refused otherwise.
-  ask(what, message = {}) {
-    const asked = this.waiting.then(() => this.send(what, message));
-    this.waiting = asked.catch(() => {});
-    return asked;
+  ask(action, message = {}) {
+    return new Promise((resolve) => {
+      this.pending.push({ action, message, resolve, sent: false });
+      this.send();
+    });
   }
 
-  async send(what, message) {
+  async send() {
+    if (this.sending) return;
+    this.sending = true;
     try {
-      const answer = await fetch(`do/${what}`, {
-        method: "POST",
-        headers: { "Content-Type": "application/json" },
-        body: JSON.stringify({ revision: this.revision, ...message }),
-      });
-      const said = await answer.json();
-      if (answer.ok) {
-        this.revision = said.revision;
-        this.tell("");
-        return { done: true, revision: said.revision };
+      while (this.pending.length && !this.lost) {
+        const [first] = this.pending;
+        Object.assign(first, { sent: true, digest: first.digest ?? this.digest });
+        const result = await this.post(first.action, first.message);
+        this.pending.shift();
+        first.resolve(result);
       }
-      if (answer.status !== 409 || !said.digest) this.tell(said.error);
-      if (answer.status === 409) this.revision = -1;  // the state that comes next says which one counts
-      const state = await fetch("state", { cache: "no-store" });
-      if (state.ok) this.take(await state.json());
-      return { done: false, ...said };
     } catch (error) {
-      this.tell(`not done: ${error.message}`);
-      return { done: false, error: error.message };
+      this.lost = true;
+      this.poll.abort(error);  // so that the link is looked for at once
+    } finally {
+      this.sending = false;
     }
+  }
+
+  // Send one message; an error is that of the link.
+  async post(action, message = {}) {
+    const answer = await fetch(`do/${action}`, {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ revision: this.revision, ...message }),
+    });
+    const content = await answer.json();
+    if (answer.ok) {
+      Object.assign(this, { revision: content.revision, digest: content.digest });
+      this.tell("");
+      return { done: true, revision: content.revision };
+    }
+    if (answer.status !== 409 || !content.digest) this.tell(content.error);
+    if (answer.status === 409) this.revision = -1;  // the state that comes next says which one counts
+    this.take(await this.fetchState());
+    return { done: false, ...content };
   }
 }
 
@@ -86,12 +135,23 @@ function show(state) {
   find("redo").disabled = !state.redo;
   find("save").disabled = !state.unsaved;
   if (find("kind").options.length === 1) find("kind").append(...state.kinds.map((one) => new Option(one, one)));
+  showOffer(state.offer);
+  Object.assign(find("problem"), { textContent: state.problem, hidden: !state.problem });
   plan.show(state);
   showSessions(state, plan.pieces(), plan.hand, ask);
   showTables(state);
   showSliders(state, ask);
   showPiece(plan.chosenPiece(), ask);
+  showRace(state, ask);
   showScene(state.sessions[0]);
+}
+
+// What an earlier designer has left unsaved, and in which lines it differs from the file.
+function showOffer(offer) {
+  find("offer").hidden = !offer;
+  if (!offer) return;
+  find("offer").querySelector("p").textContent = `${offer.file} holds work that was not saved.`;
+  find("offer").querySelector("pre").textContent = offer.differences.join("\n");
 }
 
 // The scene of the last answer, drawn anew as soon as the answer is complete and no hand moves.
@@ -117,10 +177,10 @@ function click(at) {
 }
 
 async function save() {
-  const said = await ask("save", {});
-  if (said.done || !said.digest) return;
-  if (confirm(`${said.error}\n\nOK: overwrite it with what is shown here.\nCancel: go on to the next question.`)) {
-    await ask("save", { overwrite: said.digest });
+  const answer = await ask("save", {});
+  if (answer.done || !answer.digest) return;
+  if (confirm(`${answer.error}\n\nOK: overwrite it with what is shown here.\nCancel: go on to the next question.`)) {
+    await ask("save", { overwrite: answer.digest });
   } else if (confirm("Take what lies on the disk? (It can be undone.)")) {
     await ask("reload", {});
   }
@@ -131,6 +191,7 @@ const remove = () => plan.chosenPiece() && ask("remove", { path: plan.chosenPiec
 const plan = new Plan(find("plan"), {
   ask,
   click,
+  tell,
   changed: () => showSessions(plan.state, plan.pieces(), plan.hand, ask),
   chosen: (piece) => showPiece(piece, ask),
 });
@@ -144,6 +205,8 @@ const link = new Link({
   },
 });
 
+find("take").onclick = () => ask("take");
+find("discard").onclick = () => confirm("Remove this work for good?") && ask("discard");
 find("undo").onclick = () => ask("undo");
 find("redo").onclick = () => ask("redo");
 find("save").onclick = save;
@@ -164,5 +227,9 @@ document.addEventListener("keydown", (event) => {
     event.preventDefault();
     action();
   } else if (event.key === "Delete" && !typing) remove();
+});
+addEventListener("beforeunload", (event) => {
+  const kept = link.pending.length || (link.lost && link.state?.text);
+  if (kept) event.preventDefault();
 });
 window.designer = { plan, link };

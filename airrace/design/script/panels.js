@@ -99,21 +99,69 @@ export function showSliders(state, ask) {
   form.querySelector("#whatif").textContent = changed ? "A what-if: the file stays as it is." : "";
 }
 
+const DEEP_MAX = 2;  // longer lists, as the corners of an area, are dragged on the plan
+
+// The values of an entry with their paths, as deep as they lie in short lists, such as the pylons of a gate.
+function leaves(entry, path = []) {
+  if (typeof entry !== "object" || entry === null) return [[path, entry]];
+  if (Array.isArray(entry) && entry.length > DEEP_MAX) return [];
+  return Object.entries(entry).flatMap(([name, value]) => leaves(value, [...path, Array.isArray(entry) ? Number(name) : name]));
+}
+
+const choice = (texts, value) => texts.map((text) => element("option", { value: text, textContent: text || "as by default", selected: text === value }));
+
+// An input of a value of the file; what is refused stands as before. An empty one takes the value out of the file.
+function fileInput(value, { number, choices = [], optional = false }, set) {
+  const before = value ?? "";
+  const input = choices.length ? element("select", {}, ...choice(["", ...choices], before))
+    : element("input", { value: before, type: number ? "number" : "text", step: "any" });
+  input.onchange = async () => {
+    const empty = optional && input.value === "";
+    if (number && !empty && (input.value === "" || !Number.isFinite(Number(input.value)))) input.value = before;
+    else {
+      const answer = await set(empty ? null : number ? Number(input.value) : input.value);
+      if (!answer.done) input.value = before;
+    }
+    input.blur();
+  };
+  return input;
+}
+
 export function showPiece(piece, ask) {
   const box = find("piece");
   box.hidden = !piece;
   if (!piece || box.contains(document.activeElement)) return;
   box.querySelector("h2").textContent = `${piece.path.at(-1)}: ${piece.kind}`;
-  const fields = Object.entries(piece.entry).filter(([name, value]) => name !== "type" && typeof value !== "object");
-  box.querySelector("form").replaceChildren(...fields.map(([name, value]) => {
-    const number = typeof value === "number";
-    const input = element("input", { value, type: number ? "number" : "text", step: "any", name });
-    input.onchange = async () => {
-      const said = await ask("set", { path: [...piece.path, name], value: number ? Number(input.value) : input.value });
-      if (!said.done) input.value = value;
-      input.blur();
-    };
-    return element("label", {}, name, input);
-  }));
+  const inputs = leaves(piece.entry).filter(([path]) => path[0] !== "type").map(([path, value]) => {
+    const input = fileInput(value, { number: typeof value === "number" },
+      (entered) => ask("set", { path: [...piece.path, ...path], value: entered }));
+    input.name = path.join(".");
+    const text = path.map((part) => (typeof part === "number" ? part + 1 : part)).join(" ");
+    return element("label", {}, text, input);
+  });
+  box.querySelector("form").replaceChildren(...inputs);
   box.querySelector("form").onsubmit = (event) => event.preventDefault();
+}
+
+// Laps, limits and pilot as the file gives them, and the order of the passings.
+export function showRace(state, ask) {
+  const form = find("race");
+  if (!form.contains(document.activeElement)) {
+    form.replaceChildren(...state.form.map(({ path, text, value, choices }) => {
+      const input = fileInput(value, { number: !choices.length, choices, optional: true }, (entered) => ask("set", { path, value: entered }));
+      input.name = path.join(".");
+      return element("label", { title: text }, path[1], input);
+    }));
+    form.onsubmit = (event) => event.preventDefault();
+  }
+  const table = find("order");
+  if (table.contains(document.activeElement) && document.activeElement.tagName === "SELECT") return;
+  table.replaceChildren(...state.passings.map(({ path, gate, direction }) => {
+    const move = (text, later) => element("button", { type: "button", textContent: text, title: later ? "later" : "earlier",
+      onclick: () => ask("passing", { path, later }), disabled: typeof path.at(-1) !== "number" });
+    const select = element("select", { onchange: (event) => ask("passing", { path, direction: event.target.value }) },
+      ...choice(["", ...state.directions], direction));
+    const cells = [gate, select, element("span", {}, move("↑", false), move("↓", true))];
+    return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)));
+  }));
 }

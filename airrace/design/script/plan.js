@@ -1,6 +1,8 @@
 // The course from above, north up, and the hand on it: where pieces and their turns are while it moves, before the server
 // knows, and a picture or placemarks below, placed by two points.
 
+import { element, keptClear, marginalia, points, windOf } from "./surroundings.js";
+
 const key = (path) => path.join(".");
 
 const middle = (spots) => ({
@@ -110,27 +112,19 @@ function gain(session, piece) {
   return sum;
 }
 
-const SPACE = "http://www.w3.org/2000/svg";
 const REST_MS = 150;
 const GRIP = 14, LABEL = 12, ARROW = 46, TURN = 44, SNAP = 12;  // pixels
 const LEAST_GAIN = 0.5;  // ms per metre, below which no arrow is drawn
 const COLOURS = 8;
 
-const element = (name, attributes = {}, ...children) => {
-  const made = document.createElementNS(SPACE, name);
-  for (const [one, value] of Object.entries(attributes)) made.setAttribute(one, value);
-  made.append(...children);
-  return made;
-};
-const points = (line) => line.map(([north, east]) => `${east.toFixed(2)},${(-north).toFixed(2)}`).join(" ");
 // From blue, unloaded, to red.
 const colour = (share) => `hsl(${(230 * (1 - share)).toFixed(0)} 75% 48%)`;
 
 export class Plan {
-  constructor(svg, { ask, changed, chosen, click }) {
-    Object.assign(this, { svg, ask, changed, chosen, click });
+  constructor(svg, { ask, changed, chosen, click, tell }) {
+    Object.assign(this, { svg, ask, changed, chosen, click, tell });
     this.state = null;
-    this.hand = null;
+    this.hands = [];  // the last one may be on a piece still; those before it wait until the state shows what they did
     this.choice = null;
     this.arrows = true;
     this.view = null;  // middle and metres per pixel
@@ -141,16 +135,21 @@ export class Plan {
     new ResizeObserver(() => this.draw()).observe(svg);
   }
 
+  get hand() {
+    return this.hands.at(-1) ?? null;
+  }
+
   show(state) {
+    const restarted = this.state && this.state.designer !== state.designer;  // its revisions count from 0 again
     this.state = state;
-    if (this.hand?.sent !== undefined && state.revision >= this.hand.sent) this.hand = null;
+    this.hands = this.hands.filter(({ sent = Infinity }) => sent === Infinity || (!restarted && state.revision < sent));
     if (!this.view && this.pieces().some((one) => one.spots.length)) this.fit();
     this.draw();
   }
 
   // All pieces as they stand, some perhaps in the hand.
   pieces() {
-    const held = new Map((this.hand?.all() ?? []).map((one) => [key(one.path), one]));
+    const held = new Map(this.hands.flatMap((hand) => hand.all()).map((piece) => [key(piece.path), piece]));
     return this.state.pieces.map((one) => held.get(key(one.path)) ?? one);
   }
 
@@ -206,8 +205,9 @@ export class Plan {
     const piece = this.pieces().find((one) => key(one.path) === target.dataset.piece);
     const corner = event.target.dataset.corner;
     const spot = corner && piece.spots.find((one) => key(one.path) === corner);
-    this.hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset,
+    const hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset,
       others: together(piece, this.pieces()) });
+    this.hands.push(hand);
     this.choose(piece.path);
   }
 
@@ -233,9 +233,9 @@ export class Plan {
     if (!hand || hand.sent !== undefined) return;
     hand.sent = Infinity;
     this.send();
-    const said = await hand.sending;
-    if (this.hand !== hand) return;
-    hand.sent = said?.revision ?? -1;  // it is held until the state shows what it has done
+    const answer = await hand.sending;
+    hand.sent = answer?.revision ?? -1;  // it is held until the state shows what it has done
+    if (answer && !answer.done) this.tell(`${hand.piece.path.at(-1)} stays where it was: ${answer.error}`);
     this.show(this.state);
     this.changed();
   }
@@ -267,9 +267,11 @@ export class Plan {
     const pieces = this.pieces();
     this.svg.replaceChildren(
       ...this.below(),
+      ...pieces.filter((piece) => piece.spots.length).flatMap((piece) => keptClear(piece, scale)),
       ...this.state.sessions.flatMap((session, index) => this.line(session, index)),
       ...pieces.filter((one) => one.spots.length).map((one) => this.piece(one)),
       ...(this.arrows ? pieces.flatMap((one) => this.arrow(one)) : []),
+      marginalia(this.view, box, windOf(this.state)),
     );
   }
 
@@ -330,10 +332,14 @@ export class Plan {
       else group.append(element("circle", { class: "post", cx: stroke[0][1], cy: -stroke[0][0], r: Math.max(2.5 * scale, 1) }));
     }
     const centre = middle(piece.spots);
+    if (piece.path[0] !== "gates" && corners.length === 1) {
+      group.append(element("circle", { class: "post", cx: centre.east, cy: -centre.north, r: 2.5 * scale }));
+    }
     if (!piece.closed) {
       group.append(element("circle", { class: "grip", cx: centre.east, cy: -centre.north, r: GRIP * scale }));
     }
-    group.append(this.label(String(piece.path.at(-1)), centre.north, centre.east));
+    const height = piece.path[0] === "obstacles" ? ` ${piece.entry.height_m} m` : "";
+    group.append(this.label(`${piece.path.at(-1)}${height}`, centre.north, centre.east));
     if (chosen) this.handles(piece, group, centre);
     return group;
   }

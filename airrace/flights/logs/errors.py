@@ -24,6 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.flights.logs.quality import VERTICAL_RATIO, ReceiverAccuracy
 from airrace.optimal_control.quantities import plain_number
@@ -52,9 +53,13 @@ DEVIATION_MIN = 1e-3
 """The least deviation of a passing, m."""
 BREACH_SHARE = 0.1
 """The share of its weight below which a passing counts as a breach."""
-GRADUATIONS, STEPS, SETTLED = 4, 30, 1e-3
-"""The steps by tenths from a cost that is nearly quadratic to the true one, the iterations of each at most, and the
-change of the cost at which they end."""
+STEPS, SETTLED = 50, 1e-3
+"""The number of steps of an iteration at most, and the change of the cost at which it ends."""
+STIFFNESS_MIN = 1e-12
+"""The stiffness below which a window holds nothing, 1/m^2."""
+GRID_EXTENT, GRID_POINTS = 4.0, (33, 129)
+"""The offsets that are tried alone, by the deviation of the offset: up to so many, and their number by axis, of places
+and of heights."""
 _LIMITS = ("lower", "upper", "deviation")
 
 
@@ -190,19 +195,27 @@ class CommonErrors:
         if not math.isfinite(window.deviation):
             return Judgement(0.0, 0.0)
         judged, registered = self._in_all(window), float(self.registration @ window.direction)
-        rows = [
-            row
-            for row, other in enumerate(self.windows)
-            if (other.passing, other.is_height) != (window.passing, window.is_height)
-        ]
-        start = self._fit.force[rows]
-        without = self._least(rows, None, start)
+        own = np.array(
+            [(row.passing, row.is_height) == (window.passing, window.is_height) for row in self.windows], np.bool_
+        )
+        rows = np.flatnonzero(~own).tolist()
         towards = self._covariance([judged], [self.windows[row] for row in rows])[0]
-        shift = float(towards @ without.force)
-        if judged.lower <= shift <= judged.upper:
-            return Judgement(shift - registered, 0.0)
-        within = self._least(rows, judged, np.append(without.force, 0.0))
-        without = min(without, self._least(rows, None, within.force[:-1]), key=lambda fit: fit.cost)
+        without = _Fit(self._fit.cost, self._fit.force[rows], self._fit.share[rows])
+        if self._fit.force[own].any():  # else the errors are the same without it
+            without = self._least(rows, None, [without.share], thorough=False)
+        starts, within = [without.share], without
+        for thorough in (False, True):
+            if thorough:
+                # A search that ends too early would accuse: others may be breaches, each in turn, and all of them.
+                without = min(without, self._least(rows, None, starts), key=lambda fit: fit.cost)
+                alone = [np.where(np.arange(len(rows)) == row, 0.0, without.share) for row in range(len(rows))]
+                starts = [without.share, within.share[:-1], *alone, np.zeros(len(rows))]
+            shift = float(towards @ without.force)
+            if judged.lower <= shift <= judged.upper:
+                return Judgement(shift - registered, 0.0)
+            within = self._least(rows, judged, [np.append(share, 1.0) for share in starts], thorough=thorough)
+            if within.cost < without.cost + BREACH_COST:  # no other breach explains it for less
+                break
         return Judgement(shift - registered, math.sqrt(max(2.0 * (within.cost - without.cost), 0.0)))
 
     @property
@@ -258,7 +271,8 @@ class CommonErrors:
     def _evaluate(self) -> None:
         """Find the errors of the least cost, and what their covariance is made of."""
         self._K = self._covariance(self.windows, self.windows)
-        self._fit = self._least(list(range(len(self.windows))))
+        everything = np.ones(len(self.windows))
+        self._fit = self._least(list(range(len(self.windows))), None, [everything])
         self._limiting = [
             row
             for row, window in enumerate(self.windows)
@@ -288,16 +302,20 @@ class CommonErrors:
         self._evaluate()
         return moved
 
-    def _least(self, rows: Sequence[int], legal: Window | None = None, *starts: Array) -> _Fit:
-        """Return the errors of the least cost, with one more passing that is legal for certain.
+    def _least(
+        self, rows: Sequence[int], legal: Window | None = None, starts: Sequence[Array] = (), *, thorough: bool = True
+    ) -> _Fit:
+        """Return the errors of the least cost that the search finds, with one more passing that is legal for certain.
 
-        The cost is not convex. It is minimised by Newton's method from no error, from other starts and, by graduated
-        non-convexity, from the minimum of a cost that is nearly quadratic; the best counts.
+        The cost of a passing is concave in the square of its deviations, so that its tangent there, weighted squares,
+        is a majorant, whose minimum never costs more. The cost has many minima: the search begins with weights that
+        are known, and with those of the offset that alone costs least.
 
         Args:
             rows: the windows that count.
             legal: the further passing, the last row of the result.
-            starts: forces to start from.
+            starts: weights to start from.
+            thorough: whether the weights by an offset alone are a start, too.
         """
         windows = [*(self.windows[row] for row in rows), *((legal,) if legal else ())]
         count = len(windows)
@@ -307,31 +325,95 @@ class CommonErrors:
         K[: len(rows), : len(rows)] = self._K[np.ix_(rows, rows)]
         if legal:
             K[-1] = K[:, -1] = self._covariance([legal], windows)[0]
-        lower, upper, sigma = (np.array([getattr(window, name) for window in windows]) for name in _LIMITS)
-        unit, hard = np.eye(count), np.arange(count) == (count - 1 if legal else -1)
+        limits = _Limits(*(np.array([getattr(window, name) for window in windows]) for name in _LIMITS))
+        hard = np.arange(count) == (count - 1 if legal else -1)
         best = _Fit(math.inf, np.zeros(count), np.ones(count))
-        for number, start in enumerate((np.zeros(count), np.zeros(count), *starts)):
-            powers = range(GRADUATIONS, -1, -1) if number == 0 else (0,)
-            force, weight = start, np.zeros(count)
-            for cost in (BREACH_COST * 10.0**power for power in powers):
-                before = math.inf
-                for _ in range(STEPS):
-                    error = K @ force
-                    nearest = np.minimum(np.maximum(error, lower), upper)
-                    square = 0.5 * ((error - nearest) / sigma) ** 2
-                    share = np.where(hard, 1.0, np.exp(-square / BREACH_COST))
-                    paid = np.where(hard, square, BREACH_COST * (1.0 - share))
-                    total = 0.5 * float(force @ error) + float(paid.sum())
-                    if total < best.cost:
-                        best = _Fit(total, np.asarray(force, np.float64), share)
-                    if abs(total - before) < SETTLED:
-                        break
-                    before = total
-                    share = np.where(hard, 1.0, np.exp(-square / cost))
-                    # Half of the change: a row at its limit would else count in every second iteration only.
-                    weight = 0.5 * weight + 0.5 * np.where(square > 0.0, share / sigma**2, 0.0)
-                    force = np.linalg.solve(unit + weight[:, None] * K, weight * nearest)
+        for weight in [*starts, *([self._offset_weights(windows, limits, hard)] if thorough else [])]:
+            force, before = np.zeros(count), math.inf
+            for _ in range(STEPS):
+                force = limits.least_squares(K, weight, force)
+                error = K @ force
+                square = limits.square(error)
+                weight = np.where(hard, 1.0, np.exp(-square / BREACH_COST))
+                total = 0.5 * float(force @ error) + float(np.where(hard, square, BREACH_COST * (1.0 - weight)).sum())
+                if total < best.cost:
+                    best = _Fit(total, force, weight)
+                if total > before - SETTLED:
+                    break
+                before = total
         return best
+
+    def _offset_weights(self, windows: Sequence[Window], limits: "_Limits", hard: NDArray[np.bool_]) -> Array:
+        """Return the weights with the offset that alone costs least, of all on a grid, heights and places apart."""
+        axes = np.array([window.direction for window in windows])
+        drift = np.array([self.drift(window.time)[int(window.is_height)] for window in windows])
+        heights = np.array([window.is_height for window in windows])
+        loose, weight = replace(limits, deviation=np.hypot(limits.deviation, drift)), np.ones(len(windows))
+        for kind, of_kind in enumerate((~heights, heights)):
+            deviation = math.hypot(self._offsets[kind], float(drift.max(initial=0.0)))
+            line = deviation * np.linspace(-GRID_EXTENT, GRID_EXTENT, GRID_POINTS[kind])
+            if kind:
+                offsets = np.stack([0.0 * line, 0.0 * line, line], axis=1)
+            else:
+                north, east = (values.ravel() for values in np.meshgrid(line, line))
+                offsets = np.stack([north, east, 0.0 * north], axis=1)
+            square = loose.square(offsets @ axes.T)[:, of_kind]
+            paid = np.where(hard[of_kind], square, BREACH_COST * (1.0 - np.exp(-square / BREACH_COST))).sum(axis=1)
+            least = int(np.argmin(paid + 0.5 * np.sum((offsets / deviation) ** 2, axis=1)))
+            weight[of_kind] = np.where(hard[of_kind], 1.0, np.exp(-square[least] / BREACH_COST))
+        return weight
+
+
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """The limits of some windows, and their deviations, m, each of shape (n,)."""
+
+    lower: Array
+    upper: Array
+    deviation: Array
+
+    def square(self, error: Array) -> Array:
+        """Return half the square of the deviations by which errors are beyond, shape (..., n)."""
+        return 0.5 * ((error - np.clip(error, self.lower, self.upper)) / self.deviation) ** 2
+
+    def least_squares(self, K: Array, weight: Array, force: Array) -> Array:
+        """Return the force `f` of the least `f' K f / 2 + sum_j weight_j square_j(K f)`.
+
+        That is convex and piecewise quadratic: Newton's method over the windows beyond whose limits the errors are,
+        with exact line searches, ends after few steps.
+
+        Args:
+            K: covariance of the errors, m^2, shape (n, n).
+            weight: of the windows, shape (n,).
+            force: to start from, 1/m, shape (n,).
+        """
+        stiff = weight / self.deviation**2
+        for _ in range(STEPS):
+            error = K @ force
+            nearest = np.clip(error, self.lower, self.upper)
+            rows = np.flatnonzero((error != nearest) & (stiff > STIFFNESS_MIN))
+            target = np.zeros_like(force)
+            target[rows] = np.linalg.solve(K[np.ix_(rows, rows)] + np.diag(1.0 / stiff[rows]), nearest[rows])
+            step = target - force
+            moved = K @ step
+            # The slope of the cost along the step is piecewise linear, with bends where an error meets a limit.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                bends = np.concatenate([(self.lower - error) / moved, (self.upper - error) / moved])
+            bends = np.unique([0.0, 1.0, *bends[(bends > 0.0) & (bends < 1.0)].tolist()])
+            errors = error + bends[:, None] * moved
+            beyond = errors - np.clip(errors, self.lower, self.upper)
+            slopes = errors @ step + (stiff * beyond) @ moved
+            behind = int(np.argmax(slopes >= 0.0)) if (slopes >= 0.0).any() else len(bends)
+            share = 1.0
+            if 0 < behind < len(bends):
+                before, after = slopes[behind - 1], slopes[behind]
+                share = bends[behind - 1] - before * (bends[behind] - bends[behind - 1]) / (after - before)
+            elif behind == 0:
+                return force
+            force = force + share * step
+            if share > 1.0 - 1e-9 and len(bends) == 2:  # no error has met a limit: it is the minimum
+                return force
+        return force
 
 
 def _direction(north: float, east: float) -> str:

@@ -183,9 +183,8 @@ def receiver_accuracy(recording: Recording) -> ReceiverAccuracy:
 def _filled(recording: Recording, name: str) -> Array | None:
     """Return a column with the last value where a sample says nothing; None where no sample says anything."""
     values = recording.columns.get(name)
-    usable: NDArray[np.bool_] = np.zeros(0, np.bool_) if values is None else np.isfinite(values) & (values >= 0.0)
-    if name != "fix_type" and values is not None:
-        usable &= values > 0.0
+    least = FixType.NOT_CONNECTED if name == "fix_type" else 0.0  # what has no fix has no position that counts, either
+    usable: NDArray[np.bool_] = np.zeros(0, np.bool_) if values is None else np.isfinite(values) & (values > least)
     if values is None or not usable.any():
         return None
     rows = np.flatnonzero(usable)

@@ -95,14 +95,12 @@ class Path:
         and axis.
         """
         k = np.clip(np.rint((times - self.time[0]) / STEP).astype(np.int64), 0, len(self.time) - 1)
-        column = np.arange(len(times))
-        deviation = np.zeros((3, 3, len(times)))
-        for quantity in range(3):
-            unit = np.zeros((3 * len(self.time), len(times)))
-            unit[3 * k + quantity, column] = 1.0
-            for axis, factor in enumerate(self.factors):
-                deviation[quantity, axis] = np.sqrt(_solve(factor, unit)[3 * k + quantity, column])
-        return deviation
+        rows = (3 * k + np.arange(3)[:, None]).ravel()
+        column = np.arange(len(rows))
+        unit = np.zeros((3 * len(self.time), len(rows)))
+        unit[rows, column] = 1.0
+        variances = [_solve(factor, unit)[rows, column].reshape(3, -1) for factor in self.factors]
+        return np.sqrt(np.stack(variances, axis=1))
 
 
 def smooth(time: Array, places: Array, noise: float | None = None, least: Array | float = 0.0) -> Path:

@@ -276,11 +276,13 @@ class _MeasuredPassing:
         self.bounds, self.bank = self.element.conditions(axis), self.element.prescribed_bank or 0.0
         if self.element.two_edged and value("mu") * self.bank < 0.0:
             self.bank = -self.bank
+        # The race's own element, whose wing has no span where it is passed at a point.
+        frame = crossing.passage.element.frame(axis=axis, bank=self.bank, span=race.aircraft.airframe.b)
         measured = crossing_values(
             position=(value("x"), value("y"), value("z")),
             V_K=value("V_K"),
             q=[value(name) for name in QUATERNION],
-            place=crossing_parameters(self.element.frame(axis=axis, bank=self.bank, span=race.aircraft.airframe.b)),
+            place=crossing_parameters(frame),
             beta_K=crossing.values.get("beta_K", 0.0),
         )
         self.values = {name: float(var) for name, var in vars(measured).items()}

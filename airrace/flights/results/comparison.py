@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from airrace.model.track.course import Course, PilotLimits, Rules
 from airrace.optimal_control.quantities import KNOT, Interval
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.formulation import passings_of
+
+if TYPE_CHECKING:
+    from airrace.flights.results.cost_to_go import CostToGoLoss
 
 DIFFERENCES_MAX = 4
 """The greatest number of differences that are reported of one leg."""
@@ -279,12 +283,14 @@ class Comparison:
         reference, flight: the flights.
         legs: in race order.
         progress: the difference of time along the course.
+        cost_to_go: what the flight lost by the cost to go of the reference's run; None where that was no question.
     """
 
     reference: Flight
     flight: Flight
     legs: tuple[LegComparison, ...]
     progress: RelativeProgress
+    cost_to_go: "CostToGoLoss | None" = None
 
     @property
     def difference(self) -> float:

@@ -13,20 +13,23 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from airrace.errors import UsageError
 from airrace.flights.results.comparison import Comparison, compare_flights
-from airrace.flights.results.cues import cues_of
+from airrace.flights.results.cues import Cue, cues_of
 from airrace.flights.results.derivation import LONGEST_STEP, complete_histories
 from airrace.flights.results.flight import Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
-from airrace.flights.results.time_loss import CAUSE_MIN, CAUSE_SHARE, LEGS_MAX, LOSS_MIN, WORDS, Cause, loss_parts
+from airrace.flights.results.time_loss import ITEMS_MAX, LOSS_MIN, PART_MIN, PART_SHARE, WORDS, Cause, loss_parts
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure import stored_stages
-from airrace.procedure.cost_to_go import Continuation
 from airrace.procedure.result import StageResult
+
+if TYPE_CHECKING:  # what solves is not needed to show what was lost
+    from airrace.procedure.cost_to_go import Continuation
 
 LONGEST_GAP = 0.5
 """The longest time between two states whose cost to go is computed, s."""
@@ -101,7 +104,7 @@ class LegLoss:
     @property
     def words(self) -> str:
         """The loss in words."""
-        least = max(CAUSE_SHARE * self.amount, CAUSE_MIN)
+        least = max(PART_SHARE * self.amount, PART_MIN)
         ranked = sorted(self.parts, key=lambda part: -self.parts[part])
         clauses = [f"{self.parts[part]:.2f} s by {_words(part)}" for part in ranked if self.parts[part] >= least]
         worst = max(self.cues, key=lambda cue: cue.amount, default=None)
@@ -148,7 +151,7 @@ class CostToGoLoss:
     @property
     def costliest(self) -> tuple[LegLoss, ...]:
         """The losses that are reported, the greatest first."""
-        ranked = sorted(self.legs, key=lambda loss: -loss.amount)[:LEGS_MAX]
+        ranked = sorted(self.legs, key=lambda loss: -loss.amount)[:ITEMS_MAX]
         return tuple(loss for loss in ranked if loss.amount >= LOSS_MIN)
 
     @property
@@ -178,7 +181,7 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     cues = cues_of(flight)
     times: list[tuple[float, int, bool, str]] = []
     for number, leg in enumerate(legs_of(flight)):
-        own = {cue.time: _cue_name(cue.actions[0]) for cue in cues if cue.leg.number == leg.number}
+        own = {cue.time: action_name(cue) for cue in cues if cue.leg.number == leg.number}
         marks = sorted({leg.before.time, *own, leg.after.time})
         for begin, end in itertools.pairwise(marks):
             if end - begin < SAME_MOMENT and begin != leg.before.time:
@@ -187,7 +190,8 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
             for step, time in enumerate(np.linspace(begin, end, count + 1)[:-1].tolist()):
                 times.append((time, number, time == leg.before.time, own.get(begin, "") if step == 0 else ""))
     histories = {name: flight[name] for name in names if name in flight}
-    if "p_Kbar" in names and "p_Kbar" not in histories:
+    recorded = "phi" in flight and flight.basis("phi") is Basis.MEASURED  # else no rate of roll follows from the bank
+    if "p_Kbar" in names and "p_Kbar" not in histories and recorded:
         histories["p_Kbar"] = _roll_rate(flight)
     moments: list[Moment] = []
     for time, number, is_passing, cue in times:
@@ -197,8 +201,9 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     return moments
 
 
-def _cue_name(action: object) -> str:
-    return {"RollAction": "the roll", "Pull": "the pull", "Apex": "the top"}[type(action).__name__]
+def action_name(cue: Cue) -> str:
+    """Return the name of what a cue begins with."""
+    return "the roll" if cue.action == "roll" else "the pull"
 
 
 def _roll_rate(flight: Flight) -> Array:
@@ -210,7 +215,7 @@ def _roll_rate(flight: Flight) -> Array:
     return 2.0 * (q0 * d1 - q1 * d0 - q2 * d3 + q3 * d2)
 
 
-def cost_deviation(continuation: Continuation, state: Mapping[str, float], known: Mapping[str, float]) -> float:
+def cost_deviation(continuation: "Continuation", state: Mapping[str, float], known: Mapping[str, float]) -> float:
     """Return the standard deviation of a cost to go by those of the state, s.
 
     Args:
@@ -228,7 +233,7 @@ def cost_deviation(continuation: Continuation, state: Mapping[str, float], known
     return math.hypot(*parts)
 
 
-def continued_flight(flight: Flight, time: float, continuation: Continuation, optimum: StageResult) -> Flight:
+def continued_flight(flight: Flight, time: float, continuation: "Continuation", optimum: StageResult) -> Flight:
     """Return a flight as flown up to a time and optimal from there on.
 
     Args:
@@ -263,7 +268,7 @@ def continued_flight(flight: Flight, time: float, continuation: Continuation, op
 def losses_of(
     flight: Flight,
     moments: Sequence[Moment],
-    continuations: Sequence[Continuation],
+    continuations: "Sequence[Continuation]",
     deviations: Sequence[Mapping[str, float]],
     optimum: StageResult,
     against: str,
@@ -304,7 +309,7 @@ def losses_of(
     return CostToGoLoss(flight, against, optimum.trajectory.race_time, tuple(samples), tuple(legs))
 
 
-def continuation_state(continuation: Continuation) -> dict[str, float]:
+def continuation_state(continuation: "Continuation") -> dict[str, float]:
     """Return the state in which a continuation begins."""
     trajectory = continuation.trajectory
     return {quantity.name: float(trajectory[quantity.name][0]) for quantity in trajectory.states}

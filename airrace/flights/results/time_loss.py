@@ -78,6 +78,19 @@ class Cause(Enum):
         return "builder" if self in (Cause.DRAG, Cause.POWER) else "pilot"
 
 
+WORDS: Mapping[Cause | None, tuple[str, str]] = {
+    Cause.WAY: ("a longer way", "a shorter way"),
+    Cause.ENTRY: ("a slower entry", "a faster entry"),
+    Cause.HEIGHT: ("climbing", "descending"),
+    Cause.LIFT: ("more drag of lift", "less drag of lift"),
+    Cause.CARRIED: ("less speed on the legs after it", "more speed on the legs after it"),
+    Cause.DRAG: ("an aircraft with more drag for its mass", "an aircraft with less drag for its mass"),
+    Cause.POWER: ("an aircraft with less power for its mass", "an aircraft with more power for its mass"),
+    Cause.ENERGY: ("a greater loss of energy", "a smaller loss of energy"),
+    None: ("all else", "all else"),
+}
+"""The words for each cause where it costs time, and where it gains some; None for those too small to be named."""
+
 BY = ("pilot", "builder", "rest")
 """Who can do something about a cause, in the order in which causes are reported."""
 

@@ -1,13 +1,14 @@
 """Two flights held against each other, for people: tables of laps and legs, and what costs the slower one its time."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from airrace.flights.results.comparison import Comparison, Difference, LegComparison
+from airrace.flights.results.cost_to_go import EXIT, CostToGoLoss
 from airrace.flights.results.flight import Flight
 from airrace.flights.results.sectors import JOINT, SectorTimes, sector_times
-from airrace.flights.results.time_loss import Cause, Loss, Part
+from airrace.flights.results.time_loss import WORDS, Cause, Loss, Part
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
 
@@ -82,20 +83,6 @@ def difference_text(difference: Difference, units: Units = RACE) -> str:
     elif unit == "m":
         apart, unit = apart * units.per_m, units.length
     return difference.words.format(f"{apart:.{difference.digits}f} {unit}")
-
-
-WORDS: Mapping[Cause | None, tuple[str, str]] = {
-    Cause.WAY: ("a longer way", "a shorter way"),
-    Cause.ENTRY: ("a slower entry", "a faster entry"),
-    Cause.HEIGHT: ("climbing", "descending"),
-    Cause.LIFT: ("more drag of lift", "less drag of lift"),
-    Cause.CARRIED: ("less speed on the legs after it", "more speed on the legs after it"),
-    Cause.DRAG: ("an aircraft with more drag for its mass", "an aircraft with less drag for its mass"),
-    Cause.POWER: ("an aircraft with less power for its mass", "an aircraft with more power for its mass"),
-    Cause.ENERGY: ("a greater loss of energy", "a smaller loss of energy"),
-    None: ("all else", "all else"),
-}
-"""The words for each cause where it costs time, and where it gains some; None for those too small to be named."""
 
 
 def loss_head(loss: Loss) -> str:
@@ -177,3 +164,28 @@ def sectors_notes(sectors: SectorTimes, units: Units = RACE) -> list[str]:
     if len(sectors.pieces) > 1:
         text += f"; {gain:.3f} s less than {fastest.label}"
     return [f"{text}.", f"Sectors fit together where both flights make the passing alike: {alike}.", *notes]
+
+
+_COSTS = (
+    Column("leg to", key="passing"),
+    Column("lost", "s", "+z.3f", "lost_s"),
+    Column("known to", "s", ".3f", "deviation_s", rank=1),
+    Column("way", "s", "+z.3f"),
+    Column("height", "s", "+z.3f", rank=3),
+    Column("lift", "s", "+z.3f", rank=4),
+    Column("energy", "s", "+z.3f", rank=2),
+    Column("end", "s", "+z.3f"),
+)
+
+
+def cost_table(loss: CostToGoLoss, title: str = "") -> Table:
+    """Return a table of what every leg cost by the cost to go; the rows add up to the difference of the race times."""
+    rows: list[tuple[Cell | Value, ...]] = [("the start", loss.start, loss.samples[0].deviation, *[None] * 5)]
+    for leg in loss.legs:
+        way, height, lift = (leg.parts.get(cause.value) for cause in (Cause.WAY, Cause.HEIGHT, Cause.LIFT))
+        of_energy = [leg.parts.get(cause.value) for cause in (Cause.DRAG, Cause.POWER, Cause.ENERGY)]
+        energy = sum(part for part in of_energy if part is not None) if any(of_energy) else None
+        rows.append((leg.leg.name, leg.amount, leg.deviation, way, height, lift, energy, leg.parts[EXIT]))
+    rows.append(("race", loss.start + loss.total, None, *[None] * 5))
+    notes = ["`end` is what the state at the end of a leg costs behind it: a slow entry is lost on the leg before."]
+    return Table(title or f"lost by {loss.flight.label}, by the cost to go", _COSTS, rows, notes)

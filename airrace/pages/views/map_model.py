@@ -150,6 +150,10 @@ class MapModel:
             east=max(east, self.east),
         )
 
+    def with_ghost(self, line: Array) -> "MapModel":
+        """Return the map with one more flight track, dashed, of the same shape."""
+        return replace(self, ways=(*self.ways, Way(1, line, planned=False)))
+
 
 def map_model(race: Race, planned: Flight | None = None) -> MapModel:
     """Return all there is to see of a race.

@@ -1,0 +1,219 @@
+"""States from a stream: JSON lines, NMEA sentences or X-Plane's data output, as states of a flight path.
+
+Velocity and load factor follow from the last positions where they are not sent, and so does the attitude: without
+sideslip the lift lies across the path, see `path_histories`. A bank that is sent replaces that.
+"""
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from airrace.errors import UsageError
+from airrace.flights.logs.histories import path_histories
+from airrace.model.frames import QUATERNION, angles, quaternion, rotation
+from airrace.model.track.course import metres
+from airrace.optimal_control.quantities import KNOT
+from airrace.race import Race
+
+FOOT = 0.3048
+"""A foot, m."""
+XPLANE_HEADER = b"DATA"
+"""The first bytes of X-Plane's data output: a byte follows, then rows of a number and eight values."""
+XPLANE_ROW = struct.Struct("<i8f")
+XPLANE_LOAD, XPLANE_ATTITUDE, XPLANE_PLACE = 4, 17, 20
+"""The rows with the load factor (5th value), with pitch and roll, and with latitude, longitude and altitude."""
+XPLANE_TIME = 1
+"""The row with times, s: the third value is that of the simulation."""
+FASTEST = 300.0
+"""The speed beyond which a position has jumped, m/s."""
+NEARBY = 30.0
+"""The distance that noise may explain, m."""
+SECONDS_BETWEEN = 0.04
+"""The least time between two states from which a velocity is derived, s."""
+LOAD_MAX = 15.0
+"""The largest load factor that is believed of a derived acceleration, g."""
+JUMPS_MAX = 3
+"""The jumps in a row after which the new place is believed."""
+KEYS = "time_s, x_m, y_m, height_m (or latitude_deg, longitude_deg, altitude_m)"
+
+
+@dataclass(frozen=True)
+class Fix:
+    """A message: time, s, place north, east and up in the track's frame, m, and what else was sent, SI and radians.
+
+    `velocity` is north, east and up, m/s; None where it was not sent, NaN likewise for the others.
+    """
+
+    time: float
+    place: tuple[float, float, float]
+    velocity: tuple[float, float, float] | None = None
+    bank: float = math.nan
+    n_z: float = math.nan
+
+
+class StreamError(Exception):
+    """The error of a message that is no state; its text is for people."""
+
+
+@dataclass
+class StreamReader:
+    """The states of one stream, in which each message may need those before it.
+
+    Attributes:
+        race: course, aircraft and air.
+    """
+
+    race: Race
+    _sentence: dict[str, float] = field(default_factory=dict[str, float])
+    _fixes: list[Fix] = field(default_factory=list[Fix])
+    _velocities: list[tuple[float, tuple[float, float, float]]] = field(
+        default_factory=list[tuple[float, tuple[float, float, float]]]
+    )
+    _jumps: int = 0
+
+    def state(self, message: bytes) -> tuple[float, dict[str, float]] | None:
+        """Return the time of a message, s, and the state; None where the message alone makes none.
+
+        Raises:
+            StreamError: the message is damaged, or its state cannot be true.
+        """
+        if message.startswith(XPLANE_HEADER):
+            fix = self._xplane(message)
+        else:
+            text = message.decode("utf-8", "replace").strip()
+            if not text:
+                return None
+            fix = self._nmea(text) if text.startswith("$") else self._json(text)
+        return None if fix is None else self._state_of(fix)
+
+    def _json(self, text: str) -> Fix:
+        try:
+            sent = json.loads(text)
+        except ValueError:
+            raise StreamError(f"no JSON object: {text[:40]!r}; a state has {KEYS}") from None
+        if not isinstance(sent, dict):
+            raise StreamError(f"no JSON object: {text[:40]!r}; a state has {KEYS}")
+        values: dict[str, float] = {}
+        for key, value in sent.items():  # pyright: ignore[reportUnknownVariableType]  # whatever was sent
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                values[str(key)] = float(value)  # pyright: ignore[reportUnknownArgumentType]
+        if "time_s" not in values:
+            raise StreamError(f"a state without time_s; it has {KEYS}")
+        north, east, up = (values.get(name, math.nan) for name in ("north_m_s", "east_m_s", "up_m_s"))
+        return Fix(
+            values["time_s"],
+            self._place(values),
+            (north, east, up) if math.isfinite(north + east + up) else None,
+            math.radians(values.get("bank_deg", math.nan)),
+            values.get("n_z", math.nan),
+        )
+
+    def _place(self, values: Mapping[str, float]) -> tuple[float, float, float]:
+        if all(name in values for name in ("x_m", "y_m", "height_m")):
+            return values["x_m"], values["y_m"], values["height_m"]
+        origin = self.race.course.origin
+        if not all(name in values for name in ("latitude_deg", "longitude_deg", "altitude_m")):
+            raise StreamError(f"a state without a place; it has {KEYS}")
+        if not origin.has_coordinates:
+            raise UsageError("the stream sends latitudes, and the course has no origin; give one: origin.latitude_deg")
+        latitude, longitude = (np.radians([values[name]]) for name in ("latitude_deg", "longitude_deg"))
+        north, east, _ = metres(latitude, longitude, origin)
+        return float(north[0]), float(east[0]), values["altitude_m"] - origin.elevation
+
+    def _nmea(self, text: str) -> Fix | None:
+        """Return the fix of a pair of sentences GGA and RMC of one time; None for all but the second of them."""
+        body, _, checksum = text[1:].partition("*")
+        total = 0
+        for character in body:
+            total ^= ord(character)
+        if checksum and checksum.strip().upper() != f"{total:02X}":
+            raise StreamError(f"an NMEA sentence with a wrong checksum: {text[:40]!r}")
+        words = body.split(",")
+        kind = words[0][2:]
+        if kind not in ("GGA", "RMC"):
+            return None
+        try:
+            clock = float(words[1])
+            time = 3600.0 * (clock // 10000) + 60.0 * (clock // 100 % 100) + clock % 100
+            if self._sentence.get("time_s") != time:
+                self._sentence = {"time_s": time}
+            first = 2 if kind == "GGA" else 3
+            self._sentence["latitude_deg"] = _degrees(words[first], words[first + 1])
+            self._sentence["longitude_deg"] = _degrees(words[first + 2], words[first + 3])
+            if kind == "GGA":
+                self._sentence["altitude_m"] = float(words[9])
+            else:
+                self._sentence["speed"], self._sentence["course"] = KNOT * float(words[7]), float(words[8] or "nan")
+        except (ValueError, IndexError):
+            raise StreamError(f"an NMEA sentence without a fix: {text[:40]!r}") from None
+        if "altitude_m" not in self._sentence or "speed" not in self._sentence:
+            return None
+        sent, self._sentence = self._sentence, {}
+        return Fix(time, self._place(sent))  # velocities by satellites lack the climb; all are derived
+
+    def _xplane(self, message: bytes) -> Fix:
+        rows: dict[int, tuple[Any, ...]] = {}  # Any: as `struct` unpacks them
+        for offset in range(5, len(message) - XPLANE_ROW.size + 1, XPLANE_ROW.size):
+            number, *values = XPLANE_ROW.unpack_from(message, offset)
+            rows[number] = tuple(values)
+        if XPLANE_PLACE not in rows or XPLANE_TIME not in rows:
+            raise StreamError("X-Plane's data output lacks a row; tick 1 (times), 4, 17 and 20 for the network")
+        latitude, longitude, feet, *_ = rows[XPLANE_PLACE]
+        place = self._place({"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": FOOT * feet})
+        bank = math.radians(rows[XPLANE_ATTITUDE][1]) if XPLANE_ATTITUDE in rows else math.nan
+        n_z = rows[XPLANE_LOAD][4] if XPLANE_LOAD in rows else math.nan
+        return Fix(float(rows[XPLANE_TIME][2]), place, bank=bank, n_z=n_z)
+
+    def _state_of(self, fix: Fix) -> tuple[float, dict[str, float]] | None:
+        if not all(map(math.isfinite, (fix.time, *fix.place))):
+            raise StreamError("a state with a value that is no number")
+        if self._fixes:
+            before = self._fixes[-1]
+            passed = fix.time - before.time
+            if passed <= 0.0:
+                raise StreamError(f"a time that does not run forwards: {fix.time:.2f} s after {before.time:.2f} s")
+            apart = math.dist(fix.place, before.place)
+            if apart > FASTEST * passed + NEARBY:
+                self._jumps += 1
+                if self._jumps < JUMPS_MAX:
+                    raise StreamError(f"a jump of {apart:.0f} m in {passed:.2f} s is left out")
+                self._fixes, self._velocities = [], []
+            elif passed < SECONDS_BETWEEN and fix.velocity is None:
+                return None
+        self._jumps = 0
+        self._fixes = [*self._fixes[-1:], fix]
+        velocity = fix.velocity
+        if velocity is None:
+            if len(self._fixes) < 2:
+                return None
+            before, now = self._fixes
+            slope = (np.array(now.place) - before.place) / (now.time - before.time)
+            velocity = (float(slope[0]), float(slope[1]), float(slope[2]))
+        self._velocities = [*self._velocities[-1:], (fix.time, velocity)]
+        if len(self._velocities) < 2:
+            return None
+        (t0, v0), (t1, v1) = self._velocities
+        return fix.time, self._complete(fix, np.array(v1), (np.array(v1) - v0) / max(t1 - t0, 1e-3))
+
+    def _complete(self, fix: Fix, velocity: Any, acceleration: Any) -> dict[str, float]:  # Any: arrays of shape (3,)
+        """Return the state of the flight path at a fix."""
+        columns = [np.asarray(values, np.float64).reshape(3, 1) for values in (fix.place, velocity, acceleration)]
+        histories = path_histories(self.race, columns[0], columns[1], columns[2])
+        state = {name: float(histories[name][0]) for name in ("x", "y", "z", "V_K", *QUATERNION, "n_z")}
+        state["n_z"] = fix.n_z if math.isfinite(fix.n_z) else min(state["n_z"], LOAD_MAX)
+        if math.isfinite(fix.bank):
+            chi, gamma, _ = angles(rotation([state[name] for name in QUATERNION]))
+            state |= zip(QUATERNION, quaternion(chi, gamma, fix.bank), strict=True)
+        return state
+
+
+def _degrees(text: str, side: str) -> float:
+    """Return an angle of NMEA, `ddmm.mmm`, in degrees; negative to the south and west."""
+    value = float(text)
+    degrees = value // 100 + (value % 100) / 60.0
+    return -degrees if side in ("S", "W") else degrees
