@@ -182,7 +182,7 @@ class _Attempts:
         solution = self._attempt(augment(near, 0.0), multipliers, InitialBarrier.OTHER_MESH)
         if solution is not None and solution.success:
             return solution
-        solution = self._attempt(augment(guess, self._start.apart(guess)), multipliers, InitialBarrier.COARSE)
+        solution = self._attempt(augment(guess, self._start.apart(guess)), multipliers, InitialBarrier.PIECES)
         return solution if solution is not None and solution.success else None
 
     def _attempt(self, guess: Iterate, multipliers: Multipliers, barrier: InitialBarrier) -> Solution | None:
@@ -248,7 +248,8 @@ class CostToGo:
                 be far away.
             leg: on which the state is, from 0.
             deviations: how well the states are known, by name; None for `usual_deviations`.
-            gates: the flight ends at the so many-th gate ahead, near the optimum; None for the finish.
+            gates: the flight ends at the so many-th gate ahead, in the optimum's state but for its speed; None for
+                the finish, where it ends as well if no flight joins the optimum that soon.
             price: of a deviation, s.
 
         Raises:
@@ -267,6 +268,8 @@ class CostToGo:
         layout, attempts = Layout(soft), _Attempts(session, soft, start)
         multipliers = self._multipliers_of(layout, node, price)
         solution = attempts.solve(replace(guess, durations=durations), multipliers)
+        if solution is None and last < len(self.problem.phases):  # it cannot join the optimum that soon
+            return self.solve(session, state, leg, deviations=deviations, price=price)
         iterate, relaxed = (guess, start.apart(guess)) if solution is None else project(solution.iterate)
         if len(iterate.durations) > len(rest.phases):  # its first interval is a phase
             first, second, *others = iterate.durations.tolist()
