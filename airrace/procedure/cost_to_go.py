@@ -49,7 +49,7 @@ VELOCITY_SECONDS = 0.5
 """The time by which velocities count as places where the place of a state along a flight is looked for, s: so that a
 loop is not left where it crosses itself."""
 JOINING_SPEED = 10.0
-"""The difference of speeds within which it does, m/s; the costate of the speed holds nearby."""
+"""The difference of speeds within which guidance joins the optimum again, m/s; its costate holds nearby."""
 UNKNOWN_FACTOR = 100.0
 """The factor on the usual deviation of a state that was not measured (1): a roll rate may be any."""
 RELAXED_MIN = 0.02
@@ -275,10 +275,10 @@ class CostToGo:
             first, second, *others = iterate.durations.tolist()
             iterate = replace(iterate, durations=np.array([first + second, *others]))
             rest = _with_first_share(rest, first / (first + second))
-        # The prices of a start that gives way are those of giving way: what it gains is counted at usual ones.
+        # The prices of a start that gives way are those of giving way: what it gains is counted at the optimum's.
         slopes, binding = self._costates[:, max(node - 1, 0)], ""
         prices = dict(zip(self._names, slopes.tolist(), strict=True))
-        gained = 0.0 if relaxed < RELAXED_MIN else float(slopes @ (start.state - iterate.state[:, 0]))
+        gained = float(slopes @ (start.state - iterate.state[:, 0]))
         if solution is not None:
             binding = _binding(layout, solution.multipliers)
             prices = prices if relaxed > RELAXED_MIN else self._prices(layout, solution.multipliers)
