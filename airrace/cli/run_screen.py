@@ -250,7 +250,10 @@ def _remarks(stored: StoredStages) -> Iterator[str]:
     """Yield what is to be known of the stages, the most important first: what does not hold, then what is near it."""
     for result in reversed(stored.results):
         if result.remarks:
-            yield f"{result.stage.value}, as noted when it was solved: {result.remarks}"
+            # Beside what is verified it must not read as if it were, too.
+            verification = stored.verifications.get(result.stage)
+            noted = ", as noted when it was solved" if verification is not None and verification.verified else ""
+            yield f"{result.stage.value}{noted}: {result.remarks}"
     unverified = {one: found for one, found in stored.verifications.items() if found.verified is None and found.reason}
     yield from _verification_lines(unverified, len(stored.verifications))
     if stored.flight is not None:

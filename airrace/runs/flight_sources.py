@@ -326,7 +326,7 @@ def report_of_flights(
     from airrace.pages.report.flight_page import flight_page
 
     first = FlightName.of(names[0])
-    files, flights = _open_with_files(names, stage, verify)
+    files, flights = _open_with_files(names, stage, verify, comparable=True)
     run_or_log = files[first.path] if first.path in files else open_file(first.path)
     if isinstance(run_or_log, LogView):
         if sensitivities:

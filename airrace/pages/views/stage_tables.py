@@ -273,8 +273,10 @@ def distance_table(
         notes: sentences that belong to it.
         units: of lengths.
     """
-    lengths = {"unit": units.length, "factor": units.per_m}
-    columns = [replace(column, **lengths) if column.unit == "m" else column for column in _DISTANCES]
+    columns: list[Column] = []
+    for column in _DISTANCES:
+        is_length = column.unit == "m"
+        columns.append(replace(column, unit=units.length, factor=units.per_m) if is_length else column)
     rows: list[tuple[str | float, ...]] = []
     for clearance in least_distances(flight):
         distances = (clearance.distance, clearance.required, clearance.margin)

@@ -110,7 +110,8 @@ def test_a_race_of_one_minute_takes_less_than_four_megabytes() -> None:
 def test_every_leg_can_be_jumped_to() -> None:
     flight = circle()
     parsed = read(flight_page([flight]))
-    begins = [float(one["data-time"] or "nan") for one in parsed.named("button") if "data-time" in one]
+    times = [float(one["data-time"] or "nan") for one in parsed.named("button") if "data-time" in one]
+    begins = times[: len(flight.crossings) - 1]  # the legs come first; cues can be jumped to as well
     assert begins == pytest.approx([one.time for one in flight.crossings[:-1]])
     assert [row["data-passing"] for row in parsed.named("tr") if "data-passing" in row] == [
         str(number) for number in range(len(flight.crossings) - 1)
@@ -445,7 +446,7 @@ def test_flights_of_another_course_are_refused_with_a_sentence(folder: Path, tmp
     assert run_report(still, same, "--output", tmp_path / "a.html").exit_code == ExitCode.DONE
     ran = run_report(still, other, "--output", tmp_path / "b.html")
     assert ran.exit_code == ExitCode.USAGE
-    assert "other.h5:homotopy and still.h5:point-mass cannot be compared" in " ".join(ran.output.split())
+    assert re.search(r"other\.h5 and \S*still\.h5 cannot be compared", " ".join(ran.output.split()))
     assert not (tmp_path / "b.html").exists()
 
 
