@@ -35,6 +35,8 @@ Lateness = Annotated[
     Option("Tell what each cue costs that is 0.1 s late or early; each is solved twice, a minute or more in all."),
 ]
 Drawing = str | Path | None
+REPLAY_STEP = 0.1
+"""The longest time between two states of a replay, s: accelerations follow from successive ones."""
 HEIGHT_OFFSET_MAX = 10_000.0
 """The largest offset of a log's heights, m: no air race is flown higher."""
 CostToGo = Annotated[
@@ -224,7 +226,7 @@ def follow(
         raise UsageError("--udp and --replay exclude each other")
     messages = standard_input() if udp is None else udp_port(udp)
     if replay is not None:
-        messages = replayed(open_flights([str(run), replay])[1], every=every, speed=speed)
+        messages = replayed(open_flights([str(run), replay])[1], every=min(every, REPLAY_STEP), speed=speed)
     return follow_stream(view, messages, gates=gates, every=every)
 
 

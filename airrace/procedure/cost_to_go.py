@@ -49,7 +49,7 @@ VELOCITY_SECONDS = 0.5
 """The time by which velocities count as places where the place of a state along a flight is looked for, s: so that a
 loop is not left where it crosses itself."""
 JOINING_SPEED = 10.0
-"""The difference of speeds within which it does, m/s; the costate of the speed holds nearby."""
+"""The difference of speeds within which guidance joins the optimum again, m/s; its costate holds nearby."""
 UNKNOWN_FACTOR = 100.0
 """The factor on the usual deviation of a state that was not measured (1): a roll rate may be any."""
 RELAXED_MIN = 0.02
@@ -182,7 +182,7 @@ class _Attempts:
         solution = self._attempt(augment(near, 0.0), multipliers, InitialBarrier.OTHER_MESH)
         if solution is not None and solution.success:
             return solution
-        solution = self._attempt(augment(guess, self._start.apart(guess)), multipliers, InitialBarrier.COARSE)
+        solution = self._attempt(augment(guess, self._start.apart(guess)), multipliers, InitialBarrier.PIECES)
         return solution if solution is not None and solution.success else None
 
     def _attempt(self, guess: Iterate, multipliers: Multipliers, barrier: InitialBarrier) -> Solution | None:
@@ -248,7 +248,8 @@ class CostToGo:
                 be far away.
             leg: on which the state is, from 0.
             deviations: how well the states are known, by name; None for `usual_deviations`.
-            gates: the flight ends at the so many-th gate ahead, near the optimum; None for the finish.
+            gates: the flight ends at the so many-th gate ahead, in the optimum's state but for its speed; None for
+                the finish, where it ends as well if no flight joins the optimum that soon.
             price: of a deviation, s.
 
         Raises:
@@ -267,15 +268,17 @@ class CostToGo:
         layout, attempts = Layout(soft), _Attempts(session, soft, start)
         multipliers = self._multipliers_of(layout, node, price)
         solution = attempts.solve(replace(guess, durations=durations), multipliers)
+        if solution is None and last < len(self.problem.phases):  # it cannot join the optimum that soon
+            return self.solve(session, state, leg, deviations=deviations, price=price)
         iterate, relaxed = (guess, start.apart(guess)) if solution is None else project(solution.iterate)
         if len(iterate.durations) > len(rest.phases):  # its first interval is a phase
             first, second, *others = iterate.durations.tolist()
             iterate = replace(iterate, durations=np.array([first + second, *others]))
             rest = _with_first_share(rest, first / (first + second))
-        # The prices of a start that gives way are those of giving way: what it gains is counted at usual ones.
+        # The prices of a start that gives way are those of giving way: what it gains is counted at the optimum's.
         slopes, binding = self._costates[:, max(node - 1, 0)], ""
         prices = dict(zip(self._names, slopes.tolist(), strict=True))
-        gained = 0.0 if relaxed < RELAXED_MIN else float(slopes @ (start.state - iterate.state[:, 0]))
+        gained = float(slopes @ (start.state - iterate.state[:, 0]))
         if solution is not None:
             binding = _binding(layout, solution.multipliers)
             prices = prices if relaxed > RELAXED_MIN else self._prices(layout, solution.multipliers)

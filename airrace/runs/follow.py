@@ -73,6 +73,8 @@ class Follower:
         """Return the answer to a state at a time of the stream, s."""
         optimum = self.rest.optimum
         low, high = 0.0, optimum.race_time
+        if at < self.last:  # the stream has started anew
+            self.place = self.begins = math.nan
         if not math.isnan(self.place):
             low, high = self.place - BACK, self.place + (at - self.last) + AHEAD
         place, leg = self._nearest(state, low, high)

@@ -431,7 +431,7 @@ def cost_to_go_object(loss: CostToGoLoss) -> dict[str, object]:
                 "lost_s": leg.amount,
                 "deviation_s": leg.deviation,
                 **{f"by_{name}_s": part for name, part in leg.parts.items()},
-                "cues": [{"begins_with": cue.name, "time_s": cue.time, "lost_s": cue.amount} for cue in leg.cues],
+                "cues": [{"cue": cue.name, "time_s": cue.time, "lost_s": cue.amount} for cue in leg.cues],
             }
             for leg in loss.legs
         ],

@@ -26,6 +26,8 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("brief", RUN),
     ("compare", RUN, RUN),
     ("compare", RUN, RUN, "--plot", "compared.svg"),
+    ("compare", RUN, RUN, "--cost-to-go"),
+    ("follow", RUN, "--replay", RUN, "--speed", "0", "--every", "5"),
     ("plot", RUN),
     ("verify", RUN),
     ("sensitivity", RUN),

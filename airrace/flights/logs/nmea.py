@@ -97,6 +97,26 @@ def read_nmea(path: str, lines: Iterable[str]) -> Recording:
     return Recording(path, "nmea", time - time[0], histories, rows, begins, faults.remarks)
 
 
+def parse_sentence(text: str) -> tuple[float, dict[str, float]]:
+    """Return the clock of one sentence, s, and what it tells, as `_values`; NaN and nothing where it tells no time.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    sentence = _SENTENCE.search(text)
+    if sentence is None:
+        raise ValueError("is no sentence")
+    if problem := _problem(sentence, summed=sentence["sum"] is not None):
+        raise ValueError(problem)
+    kind, fields = sentence["kind"], sentence["content"].strip().split(",")[1:]
+    if kind not in _TIMED:
+        return math.nan, {}
+    try:
+        return parse_time("hhmmss", fields[0], None), _values(kind, fields)
+    except (ValueError, IndexError, OverflowError):
+        raise ValueError(f"is no {kind} sentence with a fix") from None
+
+
 def _problem(sentence: re.Match[str], *, summed: bool) -> str:
     """Return why a sentence is not believed; empty where it is."""
     if not summed:

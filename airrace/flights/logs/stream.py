@@ -15,9 +15,9 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.flights.logs.histories import path_histories
+from airrace.flights.logs.nmea import parse_sentence
 from airrace.model.frames import QUATERNION, angles, quaternion, rotation
 from airrace.model.track.course import metres
-from airrace.optimal_control.quantities import KNOT
 from airrace.race import Race
 
 FOOT = 0.3048
@@ -38,7 +38,7 @@ SECONDS_BETWEEN = 0.04
 LOAD_MAX = 15.0
 """The largest load factor that is believed of a derived acceleration, g."""
 JUMPS_MAX = 3
-"""The jumps in a row after which the new place is believed."""
+"""The jumps of place or time in a row after which the new ones are believed."""
 KEYS = "time_s, x_m, y_m, height_m (or latitude_deg, longitude_deg, altitude_m)"
 
 
@@ -126,35 +126,22 @@ class StreamReader:
         return float(north[0]), float(east[0]), values["altitude_m"] - origin.elevation
 
     def _nmea(self, text: str) -> Fix | None:
-        """Return the fix of a pair of sentences GGA and RMC of one time; None for all but the second of them."""
-        body, _, checksum = text[1:].partition("*")
-        total = 0
-        for character in body:
-            total ^= ord(character)
-        if checksum and checksum.strip().upper() != f"{total:02X}":
-            raise StreamError(f"an NMEA sentence with a wrong checksum: {text[:40]!r}")
-        words = body.split(",")
-        kind = words[0][2:]
-        if kind not in ("GGA", "RMC"):
-            return None
+        """Return the fix of the sentences GGA (or GNS) and RMC of one time; None for all but the last of them."""
         try:
-            clock = float(words[1])
-            time = 3600.0 * (clock // 10000) + 60.0 * (clock // 100 % 100) + clock % 100
-            if self._sentence.get("time_s") != time:
-                self._sentence = {"time_s": time}
-            first = 2 if kind == "GGA" else 3
-            self._sentence["latitude_deg"] = _degrees(words[first], words[first + 1])
-            self._sentence["longitude_deg"] = _degrees(words[first + 2], words[first + 3])
-            if kind == "GGA":
-                self._sentence["altitude_m"] = float(words[9])
-            else:
-                self._sentence["speed"], self._sentence["course"] = KNOT * float(words[7]), float(words[8] or "nan")
-        except (ValueError, IndexError):
-            raise StreamError(f"an NMEA sentence without a fix: {text[:40]!r}") from None
-        if "altitude_m" not in self._sentence or "speed" not in self._sentence:
+            time, values = parse_sentence(text)
+        except ValueError as error:
+            raise StreamError(f"an NMEA sentence that {error}") from None
+        if math.isnan(time):
+            return None
+        if self._sentence.get("time") != time:
+            self._sentence = {"time": time}
+        self._sentence |= values
+        if not all(name in self._sentence for name in ("latitude", "altitude", "V_G")):
             return None
         sent, self._sentence = self._sentence, {}
-        return Fix(time, self._place(sent))  # velocities by satellites lack the climb; all are derived
+        latitude, longitude = (math.degrees(sent[name]) for name in ("latitude", "longitude"))
+        place = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": sent["altitude"]}
+        return Fix(time, self._place(place))  # speeds over ground lack the climb: velocities are derived
 
     def _xplane(self, message: bytes) -> Fix:
         rows: dict[int, tuple[Any, ...]] = {}  # Any: as `struct` unpacks them
@@ -175,13 +162,17 @@ class StreamReader:
         if self._fixes:
             before = self._fixes[-1]
             passed = fix.time - before.time
-            if passed <= 0.0:
-                raise StreamError(f"a time that does not run forwards: {fix.time:.2f} s after {before.time:.2f} s")
-            apart = math.dist(fix.place, before.place)
-            if apart > FASTEST * passed + NEARBY:
+            if passed == 0.0:  # a simulator that is paused
+                return None
+            apart, fault = math.dist(fix.place, before.place), ""
+            if passed < 0.0:
+                fault = f"a time that does not run forwards: {fix.time:.2f} s after {before.time:.2f} s"
+            elif apart > FASTEST * passed + NEARBY:
+                fault = f"a jump of {apart:.0f} m in {passed:.2f} s is left out"
+            if fault:
                 self._jumps += 1
                 if self._jumps < JUMPS_MAX:
-                    raise StreamError(f"a jump of {apart:.0f} m in {passed:.2f} s is left out")
+                    raise StreamError(fault)
                 self._fixes, self._velocities = [], []
             elif passed < SECONDS_BETWEEN and fix.velocity is None:
                 return None
@@ -210,10 +201,3 @@ class StreamReader:
             chi, gamma, _ = angles(rotation([state[name] for name in QUATERNION]))
             state |= zip(QUATERNION, quaternion(chi, gamma, fix.bank), strict=True)
         return state
-
-
-def _degrees(text: str, side: str) -> float:
-    """Return an angle of NMEA, `ddmm.mmm`, in degrees; negative to the south and west."""
-    value = float(text)
-    degrees = value // 100 + (value % 100) / 60.0
-    return -degrees if side in ("S", "W") else degrees

@@ -109,7 +109,7 @@ class LegLoss:
         clauses = [f"{self.parts[part]:.2f} s by {_words(part)}" for part in ranked if self.parts[part] >= least]
         worst = max(self.cues, key=lambda cue: cue.amount, default=None)
         if worst is not None and worst.amount >= least and len(self.cues) > 1:
-            clauses.append(f"{worst.amount:.2f} s of it from {worst.name} ({worst.time:.1f} s) on")
+            clauses.append(f"{worst.amount:.2f} s of it from `{worst.name}` ({worst.time:.1f} s) on")
         text = f"{self.amount:.2f} s from {self.leg.before.name} to {self.leg.name}"
         text += f" (known to {self.deviation:.2f} s)" if self.deviation >= 0.005 else ""
         return "; ".join([f"{text}: {', '.join(clauses)}" if clauses else text, *([self.text] if self.text else [])])
@@ -181,7 +181,7 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     cues = cues_of(flight)
     times: list[tuple[float, int, bool, str]] = []
     for number, leg in enumerate(legs_of(flight)):
-        own = {cue.time: action_name(cue) for cue in cues if cue.leg.number == leg.number}
+        own = {cue.time: cue_name(cue) for cue in cues if cue.leg.number == leg.number}
         marks = sorted({leg.before.time, *own, leg.after.time})
         for begin, end in itertools.pairwise(marks):
             if end - begin < SAME_MOMENT and begin != leg.before.time:
@@ -201,9 +201,9 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     return moments
 
 
-def action_name(cue: Cue) -> str:
-    """Return the name of what a cue begins with."""
-    return "the roll" if cue.action == "roll" else "the pull"
+def cue_name(cue: Cue) -> str:
+    """Return what is done with the bank in a cue."""
+    return " ".join(filter(None, (cue.action, cue.side)))
 
 
 def _roll_rate(flight: Flight) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from airrace.flights.results.cost_to_go import CostToGoLoss
-from airrace.pages.report.sections import capitalise, note, section, table_section
+from airrace.pages.report.sections import note, section, table_section
 from airrace.pages.views.comparison_tables import cost_table
 from airrace.pages.views.map_model import LOSS_COLOURS, ColouredTrack, map_model
 from airrace.pages.views.plain_text import escape_html
@@ -29,7 +29,7 @@ def cost_section(loss: CostToGoLoss) -> str:
         branch = (ghost.time >= leg.leg.before.time) & (ghost.time <= ghost.crossings[leg.leg.number].time)
         map_ = map_.with_ghost(np.stack([ghost["x"][branch], ghost["y"][branch]], axis=1))
     items = "".join(f"<li>{escape_html(leg.words)}</li>" for leg in loss.costliest)
-    listed = f"<p>{escape_html(capitalise(loss.title))}</p><ol>{items}</ol>"
+    listed = f"<p>{escape_html(loss.title)}</p><ol>{items}</ol>"
     words = f"{flight.label} in the colours of what it loses; dashed, the best from where its costliest legs begin."
     plan = f'{listed}<div class="scroll">{plan_svg(map_, coloured)}</div>{note(words)}'
     return section(f"What every moment of {flight.label} cost", plan) + table_section(cost_table(loss))

@@ -100,8 +100,8 @@ def test_states_of_a_circle_are_recovered_from_every_language(write: object) -> 
         (as_json(2.0, x_m=math.nan)[0], "no number"),
         (as_json(0.5)[0], "does not run forwards"),
         (as_json(1.1, x_m=5000.0)[0], "a jump of"),
-        (b"$GPGGA,120000.0,4500.0,N*00\r\n", "wrong checksum"),
-        (b"$GPGGA,120000.0,4500.0\r\n", "without a fix"),
+        (b"$GPGGA,120000.0,4500.0,N*00\r\n", "checksum"),
+        (b"$GPGGA,120000.0,4500.0\r\n", "with a fix"),
         (b"DATA*", "lacks a row"),
         (b"DATA", "lacks a row"),
     ],
@@ -115,6 +115,18 @@ def test_what_is_no_state_is_told_and_survived(message: bytes, words: str) -> No
     after = reader.state(as_json(1.2)[0])
     assert after is not None
     assert after[1]["V_K"] == pytest.approx(SPEED, rel=0.02)
+
+
+def test_a_clock_that_starts_anew_is_believed() -> None:
+    reader = StreamReader(RACE)
+    for time in (50.0, 50.1, 50.2):
+        reader.state(as_json(time)[0])
+    for time in (0.1, 0.2):
+        with pytest.raises(StreamError, match="run forwards"):
+            reader.state(as_json(time)[0])
+    states = [reader.state(as_json(time)[0]) for time in (0.3, 0.4, 0.4, 0.5)]
+    assert states[2] is None  # a pause tells nothing new
+    assert states[3] is not None
 
 
 def test_a_place_that_stays_after_a_jump_is_believed() -> None:
