@@ -338,8 +338,8 @@ class _Passing:
         self._race, self._crossing, self._errors, self._penalties = flight.race, crossing, errors, penalties
         self._own, self._in_all = errors.own(crossing.time), errors.at(crossing.time)
         push = -flight_limits(flight.aircraft, flight.course.rules).n_z.lower
-        known = crossing.value("n_z") - CERTAIN_DEVIATIONS * self._in_all.load
-        self._may_be_pushed = not is_measured(flight, "phi") and known < push
+        pulled = crossing.value("n_z") - CERTAIN_DEVIATIONS * self._in_all.load > push  # not where a load is not known
+        self._may_be_pushed = not is_measured(flight, "phi") and not pulled
 
     def violations(self) -> list[Violation]:
         """Return all that it breaks."""

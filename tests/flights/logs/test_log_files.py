@@ -47,7 +47,7 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
 def test_a_stored_flight_is_the_imported_one(folder: Path, recorded: LogCheckpoint) -> None:
     imported, opened = airrace.import_log(folder / "log.csv", "rovinj_2014"), open_log(recorded)
     first, second = imported.flight(), open_flight(str(folder / "log.h5"))
-    assert first.label == second.label == "log"
+    assert (first.label, second.label) == ("log", "log.h5")
     assert list(first.histories) == list(second.histories)
     for name in first.histories:
         assert np.array_equal(first[name], second[name])
