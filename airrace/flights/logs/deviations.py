@@ -10,9 +10,8 @@ from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import HOLE, between_samples, samples_of
 from airrace.flights.logs.recording import EARTH_RADIUS, Recording, rounding
 from airrace.flights.logs.smoothing import MISSING_FACTOR, STEP, Path
-from airrace.flights.logs.violations import COSINE_MIN, StandardDeviations
+from airrace.flights.logs.violations import COSINE_MIN, StandardDeviations, is_measured
 from airrace.flights.results import Flight
-from airrace.flights.results.flight import Basis
 from airrace.model.dynamics.limits import flight_limits
 from airrace.model.environment import g0
 from airrace.optimal_control.trajectory import Array
@@ -67,11 +66,6 @@ def place_roundings(placed: Recording) -> Array:
             EARTH_RADIUS * narrow * rounding(columns["longitude"]),
         ]
     return np.array([*roundings, rounding(columns["height"])])
-
-
-def is_measured(flight: Flight, name: str) -> bool:
-    """Return whether a history was recorded."""
-    return name in flight and flight.basis(name) is Basis.MEASURED
 
 
 def deviations_of(
@@ -144,7 +138,8 @@ def deviations_of(
         between = float(places[place] - places[place - 1])
         step = between if between > MISSING_FACTOR * usual else 0.0
         outside = max(places[0] - (offset + time), offset + time - places[-1], 0.0)  # the path goes straight on there
-        lost = UNKNOWN_PULL * math.hypot(step**2 / 8.0, outside**2 / 2.0)
+        since = min(max(offset + time - float(places[place - 1]), 0.0), between)
+        lost = UNKNOWN_PULL * math.hypot(since * (between - since) / 2.0, outside**2 / 2.0)  # a sag between samples
         smoothed = bias(offset + time)
         noise = float(raw[0, :2].max()), float(least[:2].max())
         across = math.hypot(ACROSS_FACTOR * noise[0], noise[1], lost, smoothed[0], 0.0 if own else beside)

@@ -208,7 +208,8 @@ class CommonErrors:
             if thorough:
                 # A search that ends too early would accuse: others may be breaches, each in turn, and all of them.
                 without = min(without, self._least(rows, None, starts), key=lambda fit: fit.cost)
-                alone = [np.where(np.arange(len(rows)) == row, 0.0, without.share) for row in range(len(rows))]
+                pulling = np.flatnonzero(within.force[: len(rows)]).tolist()
+                alone = [np.where(np.arange(len(rows)) == row, 0.0, without.share) for row in pulling]
                 starts = [without.share, within.share[:-1], *alone, np.zeros(len(rows))]
             shift = float(towards @ without.force)
             if judged.lower <= shift <= judged.upper:

@@ -28,11 +28,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.flights.logs.deviations import is_measured
 from airrace.flights.logs.histories import samples_of
 from airrace.flights.logs.log_flight import LogFlight
 from airrace.flights.logs.recording import rounding
 from airrace.flights.logs.smoothing import STEP, Path
+from airrace.flights.logs.violations import is_measured
 from airrace.model.aircraft import Aircraft, AircraftParameters, aircraft_parameters
 from airrace.model.dynamics.aerodynamics import Airflow, axial_load_factor, load_factor_coefficients, thrust
 from airrace.model.dynamics.flight_manual import roll_rate

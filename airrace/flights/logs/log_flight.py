@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from airrace.errors import InputError
-from airrace.flights.logs.deviations import deviations_of, is_measured, place_roundings
+from airrace.flights.logs.deviations import deviations_of, place_roundings
 from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import log_histories
 from airrace.flights.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
@@ -22,6 +22,7 @@ from airrace.flights.logs.violations import (
     Penalties,
     StandardDeviations,
     Violation,
+    is_measured,
     passing_windows,
     violations,
 )

@@ -16,7 +16,8 @@ import numpy as np
 from airrace.flights.logs.errors import CommonErrors, Window
 from airrace.flights.results import Flight, TimedCrossing
 from airrace.flights.results.clearances import at_row, distances
-from airrace.flights.results.flight import legs_of
+from airrace.flights.results.flight import Basis, legs_of
+from airrace.model.dynamics.limits import flight_limits
 from airrace.model.dynamics.observations import crossing_values
 from airrace.model.frames import QUATERNION, angle_between
 from airrace.model.track.course import StartSpeed
@@ -219,6 +220,11 @@ def select_violations(violations: Sequence[Violation]) -> tuple[list[Violation],
     return [*certain, *listed], sentence
 
 
+def is_measured(flight: Flight, name: str) -> bool:
+    """Return whether a history was recorded."""
+    return name in flight and flight.basis(name) is Basis.MEASURED
+
+
 def as_judged(element: Element) -> Element:
     """Return an element as it is judged: one that is optimised to a point as a window."""
     if isinstance(element, ElementWithTolerances) and element.passing is Passing.POINT:
@@ -331,6 +337,9 @@ class _Passing:
         self._measured = _MeasuredPassing(flight, crossing, axis)
         self._race, self._crossing, self._errors, self._penalties = flight.race, crossing, errors, penalties
         self._own, self._in_all = errors.own(crossing.time), errors.at(crossing.time)
+        push = -flight_limits(flight.aircraft, flight.course.rules).n_z.lower
+        pulled = crossing.value("n_z") - CERTAIN_DEVIATIONS * self._in_all.load > push  # not where a load is not known
+        self._may_be_pushed = not is_measured(flight, "phi") and not pulled
 
     def violations(self) -> list[Violation]:
         """Return all that it breaks."""
@@ -391,6 +400,8 @@ class _Passing:
         allowed: list[tuple[str, float, float, float, float | None]] = []
         if element.prescribed_bank is not None:
             angle, bank = angle_between(measured.bank, self._crossing.value("mu")), math.degrees(self._in_all.bank)
+            if self._may_be_pushed:  # which looks like a pull on the back
+                angle = min(angle, math.remainder(angle - math.pi, math.tau), key=abs)
             allowed.append(("bank", angle, element.tolerances.bank, bank, penalties.bank))
         if {"course_excess_right", "course_excess_left"} <= set(bounds):
             angle = math.atan2(values["course_sine"], values["course_cosine"])

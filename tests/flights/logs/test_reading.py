@@ -171,7 +171,7 @@ GPX = '<gpx><trk><trkseg><trkpt lat="1" lon="2"><ele>3</ele>{}</trkpt></trkseg><
         (HEAD + "nan,1,2,3\n", "a.csv", "a.csv:3:1: time: `nan` is no time"),
         ("", "a.csv", "a.csv: has no column of time"),
         ("time,x,y,height\n", "a.csv", "a.csv: holds no samples; expected one row for every instant"),
-        ("\0\0\0\0", "a.csv", "a.csv: is no log: expected CSV, GPX, IGC or ACMI"),
+        ("\0\0\0\0", "a.csv", "a.csv: is no log: expected CSV, GPX, KML, NMEA, IGC, ACMI or FIT"),
         (GPX.format(""), "a.gpx", "a.gpx:1:1: time: a point of the track has no time"),
         (GPX.format("<time>noon</time>"), "a.gpx", "a.gpx:1:1: time: `noon` is no time; expected one such as 2016"),
         ("<gpx></gpx>", "a.gpx", "a.gpx: holds no recorded track"),
@@ -185,7 +185,7 @@ GPX = '<gpx><trk><trkseg><trkpt lat="1" lon="2"><ele>3</ele>{}</trkpt></trkseg><
         (ACMI, "a.acmi", "a.acmi: holds no flight of an aircraft; it has"),
         (b"x" * 2_000_000, "a.csv", "a.csv:1:1: has a line without end"),
         (b"PK\x03\x04" + bytes(100), "a.zip", "a.zip: is a damaged archive"),
-        (gzip.compress(b"\0" * 1000, mtime=0) + b"\0", "c.gz", "c.gz: is no log"),
+        (gzip.compress(b"\0" * 1000, mtime=0) + b"\0", "c.gz", "c.gz: this is compressed; unpack it"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, text: str | bytes, name: str, said: str) -> None:

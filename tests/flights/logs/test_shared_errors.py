@@ -69,3 +69,17 @@ def test_a_start_before_the_first_sample_has_no_certain_speed(tmp_path: Path) ->
     assert one.known["0:g0"].speed > 5.0
     whole = imported(csv_text(replace(five)), tmp_path, 0.02)
     assert whole.known["0:g0"].speed < 1.0
+
+
+@pytest.mark.parametrize(("accuracy", "certain"), [(0.5, True), (2.5, False), (None, False)])
+def test_a_dip_below_the_floor_is_certain_where_heights_are_known(
+    accuracy: float | None, certain: bool, tmp_path: Path
+) -> None:
+    """What smoothing takes from the dip is within its deviation, and nothing but heights around it tells more."""
+    floor, middle, lasting = race().course.rules.height.lower, 28.0, 3.6  # so that it is pulled with 4 g
+    share = np.cos(0.5 * np.pi * np.minimum(np.abs(EXACT.time - middle) / lasting, 1.0)) ** 2
+    dipped = replace(EXACT, height=(1.0 - share) * EXACT.height + share * (floor - 5.5))
+    judged = imported(csv_text(dipped), tmp_path, accuracy)
+    (violation,) = [violation for violation in judged.violations if violation.rule == "floor"]
+    assert abs(violation.value + 5.5) < 2.0 * violation.deviation
+    assert violation.certain is certain
