@@ -72,6 +72,7 @@ class Designer:
         self._name = secrets.token_hex(4)  # by which a page sees that it has come to another designer
         self._lock = threading.Lock()  # of all but the version
         self._version, self._version_lock = 1, threading.Lock()  # sessions raise it while the other lock is held
+        self._request = 0  # the number of the latest one: other values are another layout, too
         self._values: dict[str, float] = {}
         self._background: dict[str, Any] | None = None
         self._sessions = [AircraftSession(aircraft, self._raise_version)]
@@ -103,6 +104,7 @@ class Designer:
                 "designer": self._name,
                 "revision": track.revision,
                 "digest": track.digest,
+                "request": self._request,
                 "name": track.layout.inputs.race.course.name,
                 "file": track.path.name,
                 "unsaved": track.unsaved,
@@ -264,9 +266,10 @@ class Designer:
             self._version += 1
 
     def _submit(self) -> None:
+        self._request += 1
         values = tuple(f"{key}={value:g}" for key, value in self._values.items())
         for session in self._sessions:
-            session.submit(LayoutRequest(self.track.revision, self.track.document, values))
+            session.submit(LayoutRequest(self._request, self.track.document, values))
 
     def _set_values(self, changes: Message) -> None:
         """Set what-ifs; None takes one back. A wind has a direction and a speed."""

@@ -28,7 +28,7 @@ SETTLED = """() => {
   const { state } = window.designer.link;
   if (!state) return false;
   const [session] = state.sessions;
-  return session.answered === state.revision && session.slope_time === session.time && !window.designer.plan.hand;
+  return session.answered === state.request && session.slope_time === session.time && !window.designer.plan.hand;
 }"""
 
 

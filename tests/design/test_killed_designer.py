@@ -55,9 +55,11 @@ def running(track: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     command = [sys.executable, "-m", "airrace", "design", str(track), "--no-browser"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    yield process, process.stdout.readline().strip()
-    if process.poll() is None:
-        end(process, signal.SIGTERM)
+    try:
+        yield process, process.stdout.readline().strip()
+    finally:
+        if process.poll() is None:
+            end(process, signal.SIGTERM)
 
 
 def end(process: subprocess.Popen[str], number: signal.Signals) -> None:
