@@ -40,7 +40,7 @@ AT = """([path, turn]) => {
 SETTLED = """() => {
   const { state } = window.designer.link;
   const [session] = state?.sessions ?? [{}];
-  return state && session.answered === state.revision && session.slope_time === session.time
+  return state && session.answered === state.request && session.slope_time === session.time
     && !window.designer.plan.hand;
 }"""
 

@@ -41,7 +41,7 @@ GATES = """() => window.designer.plan.pieces().filter((piece) => piece.path[0] =
 SETTLED = """(revision) => {
   const { state } = window.designer.link;
   const [session] = state?.sessions ?? [{}];
-  const asked = state && state.revision >= revision && session.answered === state.revision;
+  const asked = state && state.revision >= revision && session.answered === state.request;
   const found = session.holds ? session.slope_time === session.time : session.busy === "";
   return asked && found && !window.designer.plan.hand;
 }"""

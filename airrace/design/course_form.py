@@ -37,7 +37,8 @@ class PassingItem:
 
 def fields_of(plain: Plain) -> list[Field]:
     """Return the entries of the form of a track without fault."""
-    course, rules = plain["course"], plain.get("rules") or {}
+    course: Plain = plain["course"]
+    rules: Plain = plain.get("rules") or {}
     fields = [Field(("course", "laps"), "number of laps", course.get("laps"))] if "lap" in course else []
     pilot = rules.get("pilot")
     path: KeyPath = ("rules", "pilot", "preset") if isinstance(pilot, dict) else ("rules", "pilot")

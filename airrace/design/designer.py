@@ -17,7 +17,8 @@ from airrace.design.course_form import DIRECTIONS, direct_passing, fields_of, mo
 from airrace.design.pieces import KINDS, Spot
 from airrace.design.solving import SLIDERS, WIND, AircraftSession, LayoutRequest
 from airrace.design.track_file import TrackFile
-from airrace.errors import UsageError
+from airrace.errors import AirraceError, UsageError
+from airrace.files.checkpoint.atomic import replace_file
 from airrace.files.inputs.document import AIRCRAFT, TRACKS
 from airrace.files.inputs.nodes import KeyPath
 from airrace.files.inputs.placemarks import PlacemarkShape, read_placemarks
@@ -30,6 +31,9 @@ SESSIONS_MAX = 2
 PICTURES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp"}
 PICTURE_MAX = 30 * 1024 * 1024
 """The largest picture below the course, bytes."""
+PLACEMARKS = (".kml", ".kmz", ".gpx", ".geojson")
+FILES_MAX = 200
+"""The files of the folder that are named for a choice."""
 
 Message = Mapping[str, Any]  # what a page sends; every value is checked where it is taken
 
@@ -68,6 +72,7 @@ class Designer:
         self._name = secrets.token_hex(4)  # by which a page sees that it has come to another designer
         self._lock = threading.Lock()  # of all but the version
         self._version, self._version_lock = 1, threading.Lock()  # sessions raise it while the other lock is held
+        self._request = 0  # the number of the latest one: other values are another layout, too
         self._values: dict[str, float] = {}
         self._background: dict[str, Any] | None = None
         self._sessions = [AircraftSession(aircraft, self._raise_version)]
@@ -99,6 +104,7 @@ class Designer:
                 "designer": self._name,
                 "revision": track.revision,
                 "digest": track.digest,
+                "request": self._request,
                 "name": track.layout.inputs.race.course.name,
                 "file": track.path.name,
                 "unsaved": track.unsaved,
@@ -119,6 +125,7 @@ class Designer:
                 "sessions": [session.result() for session in self._sessions],
                 "aircraft": AIRCRAFT.names,
                 "background": self._background,
+                "files": self._files(),
             }
 
     def do(self, action: str, message: Message) -> dict[str, object]:
@@ -219,14 +226,50 @@ class Designer:
         path = self._within(background["file"])
         return path.read_bytes(), PICTURES[path.suffix.lower()]
 
+    def add_file(self, name: str, content: bytes) -> None:
+        """Put a picture or placemarks beside the track file and lay them below the course.
+
+        Raises:
+            UsageError: it is neither, or another file has this name.
+            StorageError: the system refused.
+        """
+        if Path(name).name != name or Path(name).suffix.lower() not in (*PICTURES, *PLACEMARKS):
+            raise UsageError(f"{name:.100} is neither a picture nor placemarks: {', '.join((*PICTURES, *PLACEMARKS))}")
+        with self._lock:
+            try:
+                path = self.track.path.with_name(name)
+                is_new = not path.exists()
+                if not is_new and not (path.is_file() and path.read_bytes() == content):
+                    raise UsageError(f"there is another {name} beside the track file: rename yours")
+                if is_new:
+                    replace_file(path, content)
+            except (OSError, ValueError) as error:  # of a name that is too long, or has a null character
+                raise UsageError(f"{name:.100} cannot be the name of a file here") from error
+            try:
+                self._set_background(name, None)
+            except AirraceError:
+                if is_new:
+                    path.unlink(missing_ok=True)
+                raise
+        self._raise_version()
+
+    def _files(self) -> list[str]:
+        """Return the names of what can be laid below the course, of the folder of the track file."""
+        try:
+            names = os.listdir(self.track.path.parent)
+        except OSError:
+            return []
+        return sorted(name for name in names if Path(name).suffix.lower() in (*PICTURES, *PLACEMARKS))[:FILES_MAX]
+
     def _raise_version(self) -> None:
         with self._version_lock:
             self._version += 1
 
     def _submit(self) -> None:
+        self._request += 1
         values = tuple(f"{key}={value:g}" for key, value in self._values.items())
         for session in self._sessions:
-            session.submit(LayoutRequest(self.track.revision, self.track.document, values))
+            session.submit(LayoutRequest(self._request, self.track.document, values))
 
     def _set_values(self, changes: Message) -> None:
         """Set what-ifs; None takes one back. A wind has a direction and a speed."""

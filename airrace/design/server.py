@@ -20,7 +20,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from airrace.design.designer import Designer
+from airrace.design.designer import PICTURE_MAX, Designer
 from airrace.design.pieces import GROUPS
 from airrace.design.track_file import ChangedOnDisk, StaleRevision
 from airrace.errors import AirraceError, Finding, InputError
@@ -44,6 +44,8 @@ MESSAGE_MAX = 256 * 1024
 """The largest message of a page, bytes; a layout of hundreds of corners has a tenth of it."""
 STATE_TIMEOUT, STATE_POLL_INTERVAL = 20.0, 0.02
 """The time for which a page waits for another state, and between two looks for it, s."""
+FILE_PATH, FILE_KIND = "file", "application/octet-stream"
+"""Where a file for the ground below the course is sent, and as what: no other site may without being asked."""
 TOKEN_BYTES = 24
 REASON_MAX = 1000
 """The longest reason of a refusal, characters."""
@@ -78,13 +80,15 @@ class _Guard:
         if request.method == "POST":
             if origin is None:
                 return _refusal(403, "a change needs an origin")
-            if headers.get("content-type", "").partition(";")[0] != "application/json":
-                return _refusal(415, "a message is JSON")
+            is_file = request.url.path == f"/{self._token}/{FILE_PATH}"
+            kind, size_max = (FILE_KIND, PICTURE_MAX) if is_file else ("application/json", MESSAGE_MAX)
+            if headers.get("content-type", "").partition(";")[0] != kind:
+                return _refusal(415, f"what is sent here is {kind}")
             length = headers.get("content-length", "")
             if not length.isdecimal():
                 return _refusal(411, "a message needs its length (Content-Length)")
-            if int(length) > MESSAGE_MAX:
-                return _refusal(413, f"a message has at most {MESSAGE_MAX} bytes")
+            if int(length) > size_max:
+                return _refusal(413, f"at most {size_max} bytes are taken here")
         return None
 
 
@@ -137,6 +141,15 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
             return _refusal(422, str(error))
         return JSONResponse(answer, headers=HEADERS)
 
+    async def add_file(request: Request) -> Response:
+        try:
+            await run_in_threadpool(designer.add_file, request.query_params.get("name", ""), await request.body())
+        except InputError as error:
+            return _refusal(422, "; ".join(map(_reason, error.findings[:5])))
+        except AirraceError as error:
+            return _refusal(422, str(error))
+        return JSONResponse({"version": designer.version}, headers=HEADERS)
+
     async def picture(request: Request) -> Response:
         try:
             content, kind = await run_in_threadpool(designer.picture)
@@ -154,6 +167,7 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopp
     routes = [
         Route(f"/{token}/state", state),
         Route(f"/{token}/picture", picture),
+        Route(f"/{token}/{FILE_PATH}", add_file, methods=["POST"]),
         Route(f"/{token}/scene", scene),
         Route(f"/{token}/do/{{action}}", act, methods=["POST"]),
         Route(f"/{token}/{{path:path}}", asset),

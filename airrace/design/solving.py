@@ -57,9 +57,9 @@ SLIDERS = (*WIND, "rules.n_z_max", "aircraft.point_mass.roll_rate_max_deg_s")
 
 @dataclass(frozen=True)
 class LayoutRequest:
-    """A layout to be solved: the revision of the track file, its text, and overrides of its values."""
+    """A layout to be solved: the number of the request, the text of the track file, and overrides of its values."""
 
-    revision: int
+    number: int
     track: Document
     values: tuple[str, ...]
 
@@ -166,7 +166,7 @@ class AircraftSession:
                     self._open(self._run)
                 view = self._optimum_of(request)
             except AirraceError as error:  # such as values that the inputs do not allow
-                self._show(holds=False, time=None, status="", message=str(error), answered=request.revision, busy="")
+                self._show(holds=False, time=None, status="", message=str(error), answered=request.number, busy="")
                 return
             self._show_optimum(request, view)
         with self._lock:
@@ -186,7 +186,7 @@ class AircraftSession:
         return run.stage()
 
     def _show_optimum(self, request: LayoutRequest, view: StageView, note: str = "") -> None:
-        self._show(**_view_fields(view), answered=request.revision, note=note, busy="")
+        self._show(**_view_fields(view), answered=request.number, note=note, busy="")
         if view.result.holds:
             with self._lock:
                 self._optimum = view
@@ -251,7 +251,7 @@ class AircraftSession:
         plan = plan_changed_run(run, Changes(request.track, None, None, request.values), until=LAST)
         view = self._execute(plan, available_cores(), "", lambda: self._request is None).stage()
         drawing = _drawing_of(view.flight()) if view.result.is_flight else {"line": ()}
-        self._show(busy="", six_dof={**_view_fields(view), **drawing, "revision": request.revision})
+        self._show(busy="", six_dof={**_view_fields(view), **drawing, "answered": request.number})
 
 
 class _ProgressLine(Silent):

@@ -28,7 +28,7 @@ SETTLED = """() => {
   const { state } = window.designer.link;
   if (!state) return false;
   const [session] = state.sessions;
-  return session.answered === state.revision && session.slope_time === session.time && !window.designer.plan.hand;
+  return session.answered === state.request && session.slope_time === session.time && !window.designer.plan.hand;
 }"""
 
 
@@ -174,3 +174,20 @@ def test_a_killed_solver_a_limit_that_is_refused_and_a_lost_link_lose_nothing(de
     other.evaluate("() => window.designer.link.ask('undo')")
     desk.page.wait_for_function("() => window.designer.link.state.revision === 3")
     assert desk.settle() == pytest.approx(dragged, abs=1e-4)
+
+
+def test_a_picture_that_is_dropped_on_the_plan_lies_below_the_course(desk: Desk, track: Path, tmp_path: Path) -> None:
+    desk.page.wait_for_function("() => window.designer.plan.view")
+    desk.page.evaluate("""async () => {
+      const canvas = Object.assign(document.createElement("canvas"), { width: 40, height: 30 });
+      const blob = await new Promise((done) => canvas.toBlob(done));
+      const dataTransfer = new DataTransfer();
+      dataTransfer.items.add(new File([blob], "map.png"));
+      window.designer.plan.svg.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+    }""")
+    desk.page.wait_for_selector("#plan image")
+    assert track.with_name("map.png").is_file()
+    (tmp_path / "sketch.kml").write_text("no placemarks")
+    desk.page.set_input_files("#upload", tmp_path / "sketch.kml")
+    desk.page.wait_for_selector("#told:not([hidden])")
+    assert not track.with_name("sketch.kml").exists()

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +49,17 @@ DRAGS_MAX = 200
 """More than are made before the kill comes."""
 
 
-def started(track: Path) -> tuple[subprocess.Popen[str], str]:
+@contextmanager
+def running(track: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A designer of a track file, and its address."""
     command = [sys.executable, "-m", "airrace", "design", str(track), "--no-browser"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    return process, process.stdout.readline().strip()
+    try:
+        yield process, process.stdout.readline().strip()
+    finally:
+        if process.poll() is None:
+            end(process, signal.SIGTERM)
 
 
 def end(process: subprocess.Popen[str], number: signal.Signals) -> None:
@@ -89,45 +95,51 @@ def page() -> Iterator[Page]:
         browser.close()
 
 
+def ensure_kept(on_disk: bytes, messages: list[dict[str, Any]]) -> int:
+    """Compare the disk with what the page was told; return how many messages were accepted."""
+    accepted = [entry["digest"] for entry in messages if entry["digest"]]
+    if accepted and hashlib.sha256(on_disk).hexdigest() != accepted[-1]:
+        unanswered = messages[-1]  # it came to the disk, and its answer not to the page
+        assert unanswered["digest"] is None
+        assert not unanswered["refused"]
+        for place in unanswered["places"]:
+            assert f"north_m: {round(place['north'], 2):.12g}" in on_disk.decode()
+    return len(accepted)
+
+
 @pytest.mark.parametrize("kills", gate_runs([2, 30], 2))
 def test_a_kill_at_any_instant_loses_no_accepted_edit_and_the_page_hands_back_the_others(
     page: Page, track: Path, kills: int
 ) -> None:
     generator = random.Random(kills)
     beside = track.with_name("course.unsaved.yaml")
-    designer, address = started(track)
-    page.goto(address)
-    page.wait_for_function(READY)
-    page.evaluate(RECORD)
-    for number in range(kills):
-        killed = threading.Event()
-
-        def kill(process: subprocess.Popen[str] = designer, event: threading.Event = killed) -> None:
-            end(process, signal.SIGKILL)
-            event.set()
-
-        timer = threading.Timer(generator.uniform(0.2, 3.0), kill)
-        timer.start()
-        edit_until(page, killed, generator)
-        timer.join()
-        page.wait_for_function("() => window.designer.link.lost && !window.designer.link.sending")
-        messages: list[dict[str, Any]] = page.evaluate("() => window.messages")
-        places = page.evaluate(PLACES)
-        pending = page.evaluate("() => window.designer.link.pending.map((entry) => entry.action)")
-        on_disk = (beside if beside.exists() else track).read_bytes()
-        accepted = next((entry["digest"] for entry in reversed(messages) if entry["digest"]), None)
-        if accepted is not None and hashlib.sha256(on_disk).hexdigest() != accepted:
-            unanswered = messages[-1]  # it came to the disk, and its answer not to the page
-            assert unanswered["digest"] is None, (number, messages[-3:])
-            assert not unanswered["refused"]
-            for place in unanswered["places"]:
-                assert f"north_m: {round(place['north'], 2):.12g}" in on_disk.decode(), number
-        designer, again = started(track)
-        assert again == address
+    accepted = 0
+    with ExitStack() as stack:
+        designer, address = stack.enter_context(running(track))
+        page.goto(address)
         page.wait_for_function(READY)
-        if set(pending) <= {"move"}:
-            for place, before in zip(page.evaluate(PLACES), places, strict=True):
-                assert place == pytest.approx(before, abs=0.011), number
-        text = (beside if beside.exists() else track).read_bytes()
-        assert page.evaluate("() => window.designer.link.digest") == hashlib.sha256(text).hexdigest()
-    end(designer, signal.SIGTERM)
+        page.evaluate(RECORD)
+        for _ in range(kills):
+            killed = threading.Event()
+
+            def kill(process: subprocess.Popen[str] = designer, event: threading.Event = killed) -> None:
+                end(process, signal.SIGKILL)
+                event.set()
+
+            timer = threading.Timer(generator.uniform(0.2, 3.0), kill)
+            timer.start()
+            edit_until(page, killed, generator)
+            timer.join()
+            page.wait_for_function("() => window.designer.link.lost && !window.designer.link.sending")
+            places = page.evaluate(PLACES)
+            pending = page.evaluate("() => window.designer.link.pending.map((entry) => entry.action)")
+            accepted = ensure_kept((beside if beside.exists() else track).read_bytes(), page.evaluate("() => messages"))
+            designer, again = stack.enter_context(running(track))
+            assert again == address
+            page.wait_for_function(READY)
+            if set(pending) <= {"move"}:
+                for place, before in zip(page.evaluate(PLACES), places, strict=True):
+                    assert place == pytest.approx(before, abs=0.011)
+            text = (beside if beside.exists() else track).read_bytes()
+            assert page.evaluate("() => window.designer.link.digest") == hashlib.sha256(text).hexdigest()
+    assert accepted > kills

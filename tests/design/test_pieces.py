@@ -176,5 +176,6 @@ def test_the_sliders_leave_the_file_as_it_is_and_fly_what_they_say(still: Design
         "environment.wind.from_deg=0",
         "rules.n_z_max=8",
     )
+    assert request.number == still.state()["request"]
     load_inputs(request.track, overrides=request.values)
     assert not still.track.unsaved

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 import pytest
 from three_gates import COURSE
@@ -201,6 +201,29 @@ def test_a_picture_lies_in_the_folder_of_the_track(client: Client, track: Path, 
     assert client.post("background", file="map.png").status == 200
     assert client.get("picture").content == b"a picture"
     assert client.post("background", file="map.png", placed=[1, 0, 5, "x"]).status == 422
+
+
+def test_a_file_that_is_sent_lies_beside_the_track_and_overwrites_nothing(client: Client, track: Path) -> None:
+    def send(name: str, content: bytes, kind: str = "application/octet-stream") -> Answer:
+        path = f"/{client.token}/file?name={quote(name, safe='')}"
+        return client.ask("POST", path, {"Content-Type": kind}, content)
+
+    assert send("map.png", b"a picture").status == 200
+    assert track.with_name("map.png").read_bytes() == client.get("picture").content == b"a picture"
+    assert client.get("state").json()["files"] == ["map.png"]
+    assert send("map.png", b"a picture").status == 200
+    assert send("map.png", b"another one").status == 422
+    before = sorted(track.parent.rglob("*"))
+    (track.parent / "link.png").symlink_to(track)
+    for name in ("../map.png", "course.yaml", "", "a/b.png", "n" * 5000 + ".png", "\0.png", "link.png", "..png\udcff"):
+        refused = send(name.encode(errors="replace").decode(), b"x")
+        assert refused.status == 422, name
+        assert refused.json()["error"]
+    assert send("sketch.kml", b"no placemarks").status == 422
+    assert send("new.png", b"x", "application/json").status == 415
+    assert client.send("file", b"x", headers={"Content-Type": "application/octet-stream"}).status == 415
+    assert sorted(track.parent.rglob("*")) == sorted([*before, track.parent / "link.png"])
+    assert track.read_text() == COURSE
 
 
 def test_placemarks_lie_where_they_are(client: Client, track: Path) -> None:

@@ -136,6 +136,7 @@ function show(state) {
   find("save").disabled = !state.unsaved;
   if (find("kind").options.length === 1) find("kind").append(...state.kinds.map((one) => new Option(one, one)));
   showOffer(state.offer);
+  find("files").replaceChildren(...state.files.map((name) => new Option(name)));
   Object.assign(find("problem"), { textContent: state.problem, hidden: !state.problem });
   plan.show(state);
   showSessions(state, plan.pieces(), plan.hand, ask);
@@ -205,6 +206,30 @@ const link = new Link({
   },
 });
 
+// Put a file of the user's beside the track file, and below the course.
+async function upload(file) {
+  if (!file) return;
+  try {
+    const answer = await fetch(`file?name=${encodeURIComponent(file.name)}`, {
+      method: "POST",
+      headers: { "Content-Type": "application/octet-stream" },
+      body: file,
+    });
+    tell(answer.ok ? "" : (await answer.json()).error);
+  } catch (error) {
+    tell(`${file.name} has not come to airrace design: ${error.message}`);
+  }
+}
+
+find("upload").onchange = (event) => {
+  upload(event.target.files[0]);
+  event.target.value = "";  // so that the same file can be chosen again
+};
+find("plan").ondragover = (event) => event.preventDefault();
+find("plan").ondrop = (event) => {
+  event.preventDefault();
+  upload(event.dataTransfer.files[0]);
+};
 find("take").onclick = () => ask("take");
 find("discard").onclick = () => confirm("Remove this work for good?") && ask("discard");
 find("undo").onclick = () => ask("undo");

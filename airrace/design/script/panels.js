@@ -23,7 +23,7 @@ const rows = (table, all) => table.replaceChildren(...all.map(([cells, name = ""
 
 export function showSessions(state, pieces, held, ask) {
   const shown = state.sessions.map((session, index) => {
-    const known = session.answered === state.revision && !held;
+    const known = session.answered === state.request && !held;
     const time = known ? session.time : predicted(session, pieces);
     const text = typeof time === "number" ? `${known ? "" : "≈ "}${seconds(time)}` : "—";
     const told = element("div", { className: `time ${known ? "known" : "guess"}`, textContent: text });
@@ -38,7 +38,7 @@ export function showSessions(state, pieces, held, ask) {
       selected: name === (session.aircraft ?? "") })));
     const range = session.n_z_range && session.holds ? `, n_z ${session.n_z_range[0]} to ${session.n_z_range[1]}` : "";
     const six = session.six_dof && element("div", { textContent: `six-dof: ${session.six_dof.time === null ? session.six_dof.message
-      : seconds(session.six_dof.time)}, ${session.six_dof.status}${session.six_dof.revision === state.revision ? "" : ", of an earlier layout"}` });
+      : seconds(session.six_dof.time)}, ${session.six_dof.status}${session.six_dof.answered === state.request ? "" : ", of an earlier layout"}` });
     return element("div", { className: `session ${index ? "second" : ""}` },
       element("div", { textContent: session.title ?? "" }), told,
       ...(difference === null ? [] : [element("div", { textContent: `${difference >= 0 ? "+" : ""}${difference.toFixed(3)} s` })]),

@@ -277,6 +277,7 @@ export class Plan {
 
   below() {
     const below = this.state.background;
+    if (below?.file !== this.belowFile) Object.assign(this, { belowFile: below?.file, unplaced: null });
     if (!below) return [];
     const { north, east, scale } = this.view;
     if (!below.lines.length && !below.placed && !this.unplaced) {
@@ -403,7 +404,6 @@ export class Placing {
     find("place").onclick = () => this.begin();
     find("background").onsubmit = (event) => {
       event.preventDefault();
-      plan.unplaced = null;
       ask("background", { file: find("picture").value });
     };
   }
