@@ -55,7 +55,7 @@ WORDS = (
     ),
     (
         Subject.ELEMENT,
-        f"{NOUNS}|{START}|{FINISH}|turn|wende\\w*|virage|virata|viraje|{QUAD}|{SLALOM}|{KNIFE_EDGE}|{LEVEL}",
+        f"{NOUNS}|{START}|{FINISH}|turn|wende\\w*|virage|virata|viraje|{QUAD}|{SLALOM}",
     ),
     (
         Subject.OBSTACLE,
@@ -74,6 +74,8 @@ WORDS = (
         "playa|promenade|lungomare|\\w*tribue?n\\w*|tribun[ae]s?|gradins|gradinata|spalti|gradas?|car park|"
         "parking|parkplatz|parcheggio|aparcamiento|camp(ing|site)?(platz)?",
     ),
+    # Adjectives of gates decide last: `Tribune level 1`, `Vertical mast`.
+    (Subject.ELEMENT, f"{KNIFE_EDGE}|{LEVEL}"),
     (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
 )
 """The words that name the subject of a placemark, as regular expressions; the first line with a match decides."""

@@ -58,12 +58,12 @@ CODES = {
 }
 """Fix types by number: of MAVLink (PX4, ArduPilot; u-blox up to 3), of GGA sentences, of Racelogic's solution type."""
 _WORDS = (
-    (re.compile(r"^no|inv|void|0d|dead|^est"), FixType.NONE),
+    (re.compile(r"\bno\b|^no(ne|fix)|inv|void|0d|dead|^est"), FixType.NONE),
     (re.compile(r"float"), FixType.FLOAT),
-    (re.compile(r"rtk|fixed|pps"), FixType.FIXED),
+    (re.compile(r"rtk|^fixed"), FixType.FIXED),
     (re.compile(r"dgps|dgnss|diff|sbas|waas|egnos"), FixType.DIFFERENTIAL),
     (re.compile(r"2d"), FixType.FLAT),
-    (re.compile(r"3d|gps|gnss|standalone|single|fix|valid"), FixType.SPACE),
+    (re.compile(r"3d|gps|gnss|pps|standalone|single|fix|valid"), FixType.SPACE),
 )
 """Fix types by the first of these that a text begins with, or holds behind another word."""
 

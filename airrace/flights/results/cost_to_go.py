@@ -19,12 +19,11 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.flights.results.comparison import Comparison, compare_flights
-from airrace.flights.results.cues import Cue, cues_of
+from airrace.flights.results.cues import Cue, cues_of, roll_rate_of
 from airrace.flights.results.derivation import LONGEST_STEP, complete_histories
 from airrace.flights.results.flight import Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
 from airrace.flights.results.time_loss import ITEMS_MAX, LOSS_MIN, PART_MIN, PART_SHARE, WORDS, Cause, loss_parts
 from airrace.model.frames import QUATERNION
-from airrace.optimal_control.trajectory import Array
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 
@@ -192,7 +191,7 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
     histories = {name: flight[name] for name in names if name in flight}
     recorded = "phi" in flight and flight.basis("phi") is Basis.MEASURED  # else no rate of roll follows from the bank
     if "p_Kbar" in names and "p_Kbar" not in histories and recorded:
-        histories["p_Kbar"] = _roll_rate(flight)
+        histories["p_Kbar"] = roll_rate_of(flight.time, np.array([flight[name] for name in QUATERNION]))
     moments: list[Moment] = []
     for time, number, is_passing, cue in times:
         row = int(np.argmin(np.abs(flight.time - time)))  # a state between two of the flight would be none of it
@@ -204,15 +203,6 @@ def moments_of(flight: Flight, names: Sequence[str]) -> list[Moment]:
 def cue_name(cue: Cue) -> str:
     """Return what is done with the bank in a cue."""
     return " ".join(filter(None, (cue.action, cue.side)))
-
-
-def _roll_rate(flight: Flight) -> Array:
-    """Return the roll rate about the path by its attitude, rad/s: `2 (q* o q_dot)_x`."""
-    q = np.array([flight[name] for name in QUATERNION])
-    signs = np.cumprod(np.append(1.0, np.where(np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0, -1.0, 1.0)))
-    q0, q1, q2, q3 = q * signs
-    d0, d1, d2, d3 = np.gradient(q * signs, flight.time, axis=1)
-    return 2.0 * (q0 * d1 - q1 * d0 - q2 * d3 + q3 * d2)
 
 
 def cost_deviation(continuation: "Continuation", state: Mapping[str, float], known: Mapping[str, float]) -> float:

@@ -247,7 +247,7 @@ class _SmoothPath:
 
         q = np.array([flight[name] for name in QUATERNION])
         measured = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
-        p = sample(flight["p_Kbar"] if measured else _roll_rate(flight.time, q))
+        p = sample(flight["p_Kbar"] if measured else roll_rate_of(flight.time, q))
         n_z, height, V_K = (sample(flight.values(name)) for name in ("n_z", "height", "V_K"))
         gamma, mu, chi = (sample(np.unwrap(flight[name])) for name in ("gamma", "mu", "chi"))
         if p is None or n_z is None or height is None or V_K is None or gamma is None:
@@ -408,11 +408,13 @@ def _place(flight: Flight, leg: Leg, time: float) -> tuple[str, float]:
     return (leg.before.name, at) if at < 0.5 * length else (leg.after.name, at - length)
 
 
-def _roll_rate(time: Array, q: Array) -> Array:
+def roll_rate_of(time: Array, q: Array) -> Array:
     """Return the rate about the x axis of the attitude of a frame, rad/s, shape (n,), from its quaternions.
 
     omega_x = 2 (q0 q1' - q1 q0' - q2 q3' + q3 q2')
     """
+    # The same attitude has two quaternions: a recorder may change from one to the other.
+    q = q * np.cumprod(np.append(1.0, np.where(np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0, -1.0, 1.0)))
     q0, q1, q2, q3 = np.gradient(q, time, axis=1)
     return np.asarray(2.0 * (q[0] * q1 - q[1] * q0 - q[2] * q3 + q[3] * q2), np.float64)
 

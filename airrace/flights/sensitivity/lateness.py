@@ -2,12 +2,13 @@
 
 A late pilot leaves stick and rudder where they are for a while at the time at which something should be done: the rates
 of all controls that have one are zero, the throttle stays commanded. An early one begins that much before it with what
-the optimum does from then on. From the state in which either leaves the aircraft the rest of the race is solved again,
-all gates and limits kept, so a price is what the mistake costs a pilot who then does the best that is left.
+the optimum does from then on. The cost to go from the state in which either leaves the aircraft is that of the best
+that is left, all gates and limits kept. A gate that comes meanwhile is still ahead: the pilot sees the mistake there.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,35 +16,30 @@ from airrace.errors import NotCertified
 from airrace.flights.sensitivity import LatenessPrice
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.system import at_points
-from airrace.optimal_control.trajectory import Array
+from airrace.optimal_control.trajectory import Array, Indices
+from airrace.procedure.cost_to_go import RELAXED_MIN, CostToGo
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.guess import concatenate, phase_piece
-from airrace.procedure.homotopy import fixed_state
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.settings import Settings
-from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
-from airrace.procedure.warm_start import InitialBarrier
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.race import Race
 
 DELAY = 0.1
 """The usual lateness, s: pilots of races time their acts by a tenth of a second."""
-ITERATIONS_MAX = 60
-"""The number of iterations after which no flight is expected: of 60 prices on Rovinj those found took at most 24."""
 STEP = 0.01
 """The longest step of the flight of a pilot who is late, s."""
-TOLERANCE = 1e-6
-"""That of a solve: a price is told in hundredths of a second."""
 LOAD, LIFT = "n_z", "C_L"
 """The names of the load factor and of the lift coefficient that is proportional to it."""
 STALL_MARGIN = 1.0 - 1e-6
 """The share of the largest lift coefficient that is left to a late pilot: a solver needs some room."""
-SHORTEST = 1e-3
-"""The shortest rest of a leg, s."""
+SAME_TIME = 1e-6
+"""The time before a passing within which the leg behind it goes on, s: what rounding leaves."""
+BEFORE_GATE = 0.02
+"""The time before a gate at which the pilot sees a mistake at the latest, s: a wing is 2 m before it then."""
 
 
 def lateness_prices(
@@ -63,56 +59,70 @@ def lateness_prices(
     """
     if not result.holds:
         raise NotCertified(f"{result.stage.value}: only a certified or solved stage has prices of lateness")
-    remainder = _Remainder.of(race, settings, result)
-    for time in times:
-        late = remainder.time_lost(remainder.late(time, delay), time + delay)
-        early = remainder.time_lost(remainder.early(time, delay), time) if time >= delay else None
-        yield LatenessPrice(delay, late, early)
+    perturbed = PerturbedProblem.of_result(race, settings, result)
+    rest, trajectory = CostToGo(perturbed.flight, result), result.trajectory
+    pilot = _Pilot(perturbed.problem(race), iterate_of(trajectory), trajectory.time, trajectory.first_node)
+    with (
+        SolverService(stall_seconds=settings.solver.stall_seconds) as service,
+        closing(SolverSession(service, settings, Silent())) as session,
+    ):
+
+        def time_lost(state: Array, time: float, leg: int) -> float | None:
+            named = dict(zip((quantity.name for quantity in rest.states), state.tolist(), strict=True))
+            best = rest.solve(session, named, leg)
+            if not best.solved or best.relaxed > RELAXED_MIN:
+                return None
+            return time + best.cost - trajectory.race_time
+
+        for time in times:
+            late = time_lost(*pilot.late(time, delay))
+            early = time_lost(*pilot.early(time, delay)) if time >= delay else None
+            yield LatenessPrice(delay, late, early)
 
 
 @dataclass(frozen=True, eq=False)
-class _Remainder:
-    """An optimum, and what is left of its race at any time.
+class _Pilot:
+    """A pilot who flies an optimum, but is late or early.
 
     Attributes:
-        flight, problem, iterate: its problem on the stored mesh, and its solution.
+        problem, iterate: the problem on the stored mesh, and its solution.
         time: of the nodes, s, shape (N + 1,).
+        first_node: the node at which each leg begins and, last, the final node.
     """
 
-    flight: StageProblem
     problem: Problem
     iterate: Iterate
     time: Array
+    first_node: Indices
 
-    @classmethod
-    def of(cls, race: Race, settings: Settings, result: StageResult) -> "_Remainder":
-        perturbed = PerturbedProblem.of_result(race, settings, result)
-        return cls(perturbed.flight, perturbed.problem(race), iterate_of(result.trajectory), result.trajectory.time)
-
-    def late(self, time: float, delay: float) -> Array:
-        """Return the state, shape (n_x,), in which a pilot is who moves nothing for a while from a time on."""
+    def late(self, time: float, delay: float) -> tuple[Array, float, int]:
+        """Return the state (n_x,) after nothing was moved for a while from a time on, its time (s) and its leg."""
+        leg = self._leg(time)
+        seconds = self._seconds_within(leg, time, delay)
         control = self.iterate.control[:, self._interval(time)].copy()
         control[[bool(quantity.rate_of) for quantity in self.problem.system.controls]] = 0.0
-        return self._unstalled(self._advance(self._state_at(time), control, delay), control)
+        state = self._advance(self._state_at(time), control, seconds)
+        return self._unstalled(state, control), time + seconds, leg
 
-    def early(self, time: float, delay: float) -> Array:
-        """Return the state, shape (n_x,), in which a pilot is at a time who began then with what comes after it."""
-        state = self._state_at(time - delay)
-        for interval in range(self._interval(time), self._interval(time + delay) + 1):
-            begin, end = max(time, self.time[interval]), min(time + delay, self.time[interval + 1])
-            if end > begin:
-                state = self._advance(state, self.iterate.control[:, interval], float(end - begin))
-        return state
+    def early(self, time: float, delay: float) -> tuple[Array, float, int]:
+        """Return the state (n_x,) of who did from `time - delay` on what comes after a time, its time (s) and leg."""
+        begin, leg = time - delay, self._leg(time - delay)
+        seconds, state = self._seconds_within(leg, begin, delay), self._state_at(begin)
+        for interval in range(self._interval(time), self._interval(time + seconds) + 1):
+            first, last = max(time, self.time[interval]), min(time + seconds, self.time[interval + 1])
+            if last > first:
+                state = self._advance(state, self.iterate.control[:, interval], float(last - first))
+        return state, begin + seconds, leg
 
-    def time_lost(self, state: Array, time: float) -> float | None:
-        """Return how much later than the optimum the race ends from a state (n_x,) at a time (s) on, s; None where no
-        flight is found."""
-        problem, guess = self._rest(state, time)
-        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, InitialBarrier.OTHER_PROBLEM.value, curvature=False)
-        solution = solve(problem, guess, options=options)
-        if not solution.success:
-            return None
-        return float(time + solution.iterate.durations.sum() - self.time[-1])
+    def _leg(self, time: float) -> int:
+        """Return the number of the leg that goes on at a time."""
+        passings = self.time[self.first_node]
+        return int(np.clip(np.searchsorted(passings, time + SAME_TIME, "right") - 1, 0, len(passings) - 2))
+
+    def _seconds_within(self, leg: int, time: float, seconds: float) -> float:
+        """Return how much of a while lies before the end of a leg, s."""
+        end = float(self.time[self.first_node[leg + 1]]) - BEFORE_GATE
+        return min(seconds, max(end - time, 0.0))
 
     def _interval(self, time: float) -> int:
         return int(np.clip(np.searchsorted(self.time, time, "right") - 1, 0, len(self.time) - 2))
@@ -149,21 +159,3 @@ class _Remainder:
         C_L, most = float(values[path.index(LIFT), 0]), system.path[path.index(LIFT)].upper
         state[states.index(LOAD)] *= min(1.0, STALL_MARGIN * most / C_L) if C_L > 0.0 else 1.0
         return state
-
-    def _rest(self, state: Array, time: float) -> tuple[Problem, Iterate]:
-        """Return the problem from a state (n_x,) to the finish, and the optimum from the node nearest to a time (s) on
-        as a guess of it."""
-        first = self.problem.first_node
-        node = int(np.argmin(np.abs(self.time[:-1] - time)))
-        index = int(np.searchsorted(first, node, "right")) - 1
-        head = node - first[index]
-        phases = list(self.problem.phases[index:])
-        pieces = [phase_piece(self.iterate, self.problem, number) for number in range(index, len(self.problem.phases))]
-        guess = concatenate(pieces)
-        durations, states = guess.durations.copy(), guess.state[:, head:].copy()
-        durations[0] *= sum(phases[0].fractions[head:])
-        states[:, 0] = state
-        part = phases[0].part(slice(head, None)).without_path_constraints_at(0)
-        phases[0] = replace(part, duration=Interval(SHORTEST, part.duration.upper))
-        problem = replace(self.problem, start=fixed_state(self.flight, state), phases=tuple(phases))
-        return problem, Iterate(durations, states, guess.control[:, head:])

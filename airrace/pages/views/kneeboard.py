@@ -76,7 +76,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class _Row:
+class KneeRow:
     """A line of the tables of a page.
 
     Attributes:
@@ -95,7 +95,7 @@ class _Page:
     lap: Lap
     head: tuple[str, ...]
     has_map: bool
-    rows: tuple[_Row, ...]
+    rows: tuple[KneeRow, ...]
 
 
 @without_formulas
@@ -176,28 +176,39 @@ def _pages_of_lap(
 
     A passing and its first cue, a cue and its apex stay on one page.
     """
-    rows: list[_Row] = []
+    rows: list[KneeRow] = []
     for leg in lap.legs:
-        rows.append(_Row((_gate_words(leg.before, units),), is_gate=True))
+        rows.append(KneeRow((_gate_words(leg.before, units),), is_gate=True))
         for cue in cues:
             if cue.leg.number == leg.number:
                 price = price_texts(cue, prices[cue.number - 1])[0] if prices else ""
-                rows.append(_Row((*knee_texts(cue, units), price)))
+                rows.append(KneeRow((*knee_texts(cue, units), price)))
                 if cue.apex is not None:
                     top = "over the top, " if cue.apex.over_the_top else ""
                     height = f"{cue.apex.height * units.per_m:.0f} {units.length}"
-                    rows.append(_Row(("", "", f"{top}apex {height} at {cue.apex.time:.2f} s")))
-    rows.append(_Row((_gate_words(lap.legs[-1].after, units),), is_gate=True))
+                    rows.append(KneeRow(("", "", f"{top}apex {height} at {cue.apex.time:.2f} s")))
+    rows.append(KneeRow((_gate_words(lap.legs[-1].after, units),), is_gate=True))
     has_map = flight.has("x", "y")
     pages: list[_Page] = []
     while rows:
         room = POINTS * PAGE_HEIGHT - 2.0 * MARGIN - TITLE_PITCH - PITCH * (len(head) + 1)
         count = int((room - (MAP_SHARE * POINTS * PAGE_HEIGHT if has_map else 0.0)) / PITCH)
-        while count < len(rows) and (rows[count - 1].is_gate or not rows[count].texts[0]):
-            count -= 1
+        count = rows_on_page(rows, count)
         pages.append(_Page(lap, head, has_map, tuple(rows[:count])))
         rows, head, has_map = rows[count:], (), False
     return pages
+
+
+def rows_on_page(rows: Sequence[KneeRow], most: int) -> int:
+    """Return how many of these rows stand on a page that takes at most so many, and one at least.
+
+    A gate stands above its leg and an apex below its cue, unless there is nothing else on the page.
+    """
+    most = max(most, 1)
+    count = min(most, len(rows))
+    while count > 0 and count < len(rows) and (rows[count - 1].is_gate or not rows[count].texts[0]):
+        count -= 1
+    return count or min(most, len(rows))
 
 
 def _gate_words(crossing: TimedCrossing, units: Units) -> str:
@@ -246,7 +257,7 @@ def _draw_page(figure: Figure, page: _Page, flight: Flight, cues: Sequence[Cue],
         top = bottom
     heads = [name if name != "hgt" else f"hgt {units.length}" for name, _, _ in COLUMNS]
     has_prices = any(len(row.texts) == len(COLUMNS) and row.texts[-1] for row in page.rows)
-    rows = [_Row(tuple(heads if has_prices else heads[:-1])), *page.rows]
+    rows = [KneeRow(tuple(heads if has_prices else heads[:-1])), *page.rows]
     for row in rows:
         top -= PITCH
         middle = top + 0.5 * PITCH

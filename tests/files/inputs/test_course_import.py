@@ -76,6 +76,9 @@ def mark(name: str, places: Places, tag: str = "LineString", beside: str = "") -
     ("name", "subject"),
     [
         ("Crowd line A", Subject.CROWD),
+        ("Tribune level 1", Subject.CROWD),
+        ("Vertical mast", Subject.OBSTACLE),
+        ("Level 3", Subject.ELEMENT),
         ("safety-line", Subject.SAFETY_LINE),
         ("SafetyLine", Subject.SAFETY_LINE),
         ("no_fly_line", Subject.SAFETY_LINE),

@@ -90,12 +90,18 @@ def test_positions_without_a_fix_are_left_out(tmp_path: Path) -> None:
             ("4", "nmea", FixType.FIXED),
             ("4", "mavlink", FixType.DIFFERENTIAL),
         ),
+        *(
+            ("pps", "mavlink", FixType.SPACE),
+            ("3D fixed", "mavlink", FixType.SPACE),
+            ("GPS no fix", "mavlink", FixType.NONE),
+        ),
         *(("5", "nmea", FixType.FLOAT), ("3", "racelogic", FixType.FLOAT), ("invalid", "nmea", FixType.NONE)),
     ],
 )
 def test_words_and_numbers_of_fix_types_are_understood(text: str, code: str, fix: FixType) -> None:
     assert fix_type(text, code) == fix
     assert np.isnan(fix_type("whatever", code))
+    assert np.isnan(fix_type("normal", code))
 
 
 def test_gpx_and_igc_say_it_in_their_own_way(tmp_path: Path) -> None:

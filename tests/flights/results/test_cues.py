@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing
-from airrace.flights.results.cues import cues_of, load_profile, turning_points
+from airrace.flights.results.cues import cues_of, load_profile, roll_rate_of, turning_points
 from airrace.flights.results.derivation import complete_histories
 from airrace.model.frames import QUATERNION, quaternion
 from airrace.optimal_control.quantities import Quantity
@@ -326,3 +326,12 @@ def test_the_command_prints_the_table_the_rows_or_the_object(tmp_path: Path) -> 
     assert {"roll", "hold"} <= {cue["action"] for cue in answer["cues"]}
     assert told(stored, "--json", "--csv")[0] == 2
     assert told(stored, "--stage", "six-dof")[0] == 2
+
+
+def test_the_rate_of_a_roll_does_not_depend_on_which_of_its_two_quaternions_an_attitude_has() -> None:
+    time = np.linspace(0.0, 1.0, 51)
+    half = 0.5 * math.radians(80.0) * time
+    q = np.stack([np.cos(half), np.sin(half), 0.0 * half, 0.0 * half])
+    signs = np.where(np.arange(51) % 7 < 3, -1.0, 1.0)
+    assert roll_rate_of(time, q) == pytest.approx(math.radians(80.0), rel=1e-3)
+    assert roll_rate_of(time, signs * q) == pytest.approx(math.radians(80.0), rel=1e-3)

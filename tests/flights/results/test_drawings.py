@@ -26,7 +26,15 @@ from airrace.flights.results.comparison import compare_flights
 from airrace.pages.views.cue_tables import course_text, gate_text
 from airrace.pages.views.drawing import Figure, save_figure
 from airrace.pages.views.flight_figures import STRIPS, comparison_figure, flight_figure
-from airrace.pages.views.kneeboard import PAGE_HEIGHT, PAGE_WIDTH, PAPERS, fitting_turn, kneeboard_figures
+from airrace.pages.views.kneeboard import (
+    PAGE_HEIGHT,
+    PAGE_WIDTH,
+    PAPERS,
+    KneeRow,
+    fitting_turn,
+    kneeboard_figures,
+    rows_on_page,
+)
 from airrace.pages.views.tables import UNITS
 
 
@@ -206,3 +214,12 @@ def test_a_drawing_is_valid_xml_whatever_names_hold(draw: Callable[..., Figure],
     save_figure(draw(circling(replace(race, course=course), label=hostile)), path)
     parser = XMLParser(target=TreeBuilder(insert_comments=True))  # in which a drawing names its texts
     assert "a␛[1m␇\ufffd␀b" in "".join(one.text or "" for one in ElementTree.parse(path, parser).iter(Comment))
+
+
+def test_pages_of_a_kneeboard_end_before_a_gate_or_an_apex_and_are_never_empty() -> None:
+    gate, cue, apex = KneeRow(("g1",), is_gate=True), KneeRow(("1", "0.00")), KneeRow(("", "", "apex"))
+    assert rows_on_page([gate, cue, gate, cue], 3) == 2
+    assert rows_on_page([gate, cue, cue, apex], 3) == 2
+    assert rows_on_page([gate, cue, cue, apex], 9) == 4
+    assert rows_on_page([gate] * 30, 20) == 20  # of a flight that missed them all
+    assert rows_on_page([gate, cue], 0) == 1

@@ -40,6 +40,20 @@ def test_an_act_at_the_start_cannot_be_early() -> None:
     assert first.late is not None
 
 
+def test_who_rolls_too_early_at_a_gate_that_prescribes_a_bank_misses_it() -> None:
+    """The half Cuban eight is left by a roll out of inverted flight: a tenth of a second earlier it is another gate."""
+    view = half_cuban()["point-mass"]
+    race, settings, result = view.inputs.race, view.inputs.settings, view.result
+    passings = result.trajectory.time[result.trajectory.first_node][1:-1].tolist()
+    before, at_gate, after = zip(
+        *(lateness_prices([time - 0.3, time, time + 0.3], race, settings, result) for time in passings), strict=True
+    )
+    for price in (*before, *after, *at_gate):  # what breaks a limit at the moment of the mistake is a fact: it may gain
+        assert price.early is None or price.early > -5e-3
+        assert price.late is None or price.late > -5e-3
+    assert any(price.early is None or price.early > 0.01 for price in at_gate)
+
+
 def test_the_command_tells_the_price_of_every_cue(tmp_path: Path) -> None:
     stored = str(half_cuban().save(tmp_path / "run.h5"))
     result = CliRunner().invoke(app, ["brief", stored, "--lateness", "--json"])
