@@ -236,3 +236,15 @@ def test_a_turn_that_stays_too_low_costs_less_than_a_roll() -> None:
     found = violations(flight, {}, errors, given.penalties)
     costs = {one.passing.partition(":")[2]: one.penalty for one in found if one.rule == "manoeuvre"}
     assert costs == {"top": 2.0, "roll/begin": 3.0, "roll": 3.0}
+
+
+def test_a_push_through_a_gate_is_no_certain_bank_where_no_roll_is_recorded() -> None:
+    """The path shows along which line the lift points, and not whether the aircraft pulls on its back."""
+    seen, when, lasting = fixes(20.0, noise=0.02, gap=(0.0, 0.0)), known().passings["1:g5#2"], 0.6
+    share = np.cos(0.5 * np.pi * np.minimum(np.abs(seen.time - when) / lasting, 1.0)) ** 2
+    acceleration = 4.5 * 9.81
+    raised = seen.height + 2.0 * acceleration * (lasting / np.pi) ** 2 * share
+    judged = imported(csv_text(replace(seen, height=raised)))
+    (crossing,) = [crossing for crossing in judged.flight.crossings if crossing.name == "1:g5#2"]
+    assert abs(crossing.value("mu")) > math.radians(120.0)
+    assert not any(violation.certain for violation in judged.violations if violation.rule == "bank")
