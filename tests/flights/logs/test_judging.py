@@ -108,7 +108,7 @@ def test_the_deviation_between_samples_bounds_what_is_lost_there() -> None:
 
 
 def test_a_recorded_load_factor_is_kept_and_judged() -> None:
-    load = np.where(np.abs(EXACT.time - 30.0) < 0.4, 10.6, 3.0) + 0.01 * np.sin(7.0 * EXACT.time)
+    load = np.where(np.abs(EXACT.time - 30.0) < 0.4, 10.8, 3.0) + 0.01 * np.sin(7.0 * EXACT.time)
     text = with_columns(EXACT, "load factor", load)
     for rules, penalty in (
         (replace(RULES, load_factor=1.0, load_factor_time=0.6), 1.0),
@@ -117,7 +117,7 @@ def test_a_recorded_load_factor_is_kept_and_judged() -> None:
         one = imported(text, rules)
         assert one.flight.basis("n_z") is Basis.MEASURED
         (breach,) = [breach for breach in one.violations if breach.rule == "load-factor"]
-        assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.6, abs=0.02), penalty, True)
+        assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.8, abs=0.02), penalty, True)
     short = imported(text, replace(RULES, load_factor=1.0, load_factor_time=1.0))
     assert not [breach for breach in short.violations if breach.rule == "load-factor"]
 
