@@ -37,7 +37,7 @@ UNKNOWN_PULL = 25.0
 """The unknown acceleration where samples are missing, m/s^2."""
 DRIFT_RATE = 0.5
 """The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 20 s
-(Gauss-Markov), 1/s; measured likewise (`--bias`), rounded up."""
+(Gauss-Markov), 1/s; measured likewise (`--errors receiver`), rounded up."""
 DRIFT_RATE_2 = 1.4
 """That of the acceleration, 1/s^2."""
 BIAS_TIME = 0.2
