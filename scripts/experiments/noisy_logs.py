@@ -15,8 +15,8 @@ too low or aside on purpose: where that is more than five deviations it has to b
   nothing is stated.
 
 The first table counts; the second one holds the errors at all passings, each divided by the standard deviation that the
-import tells of it: the shares within one and two of them, and the greatest. Of breaches that truly are by five deviations
-some are measured as less; by eight hardly one is.
+import tells of it: the shares within one and two of them, and the greatest. Of breaches that truly are by five
+deviations some are measured as less; by eight hardly one is.
 """
 
 import argparse
