@@ -37,7 +37,7 @@ UNKNOWN_PULL = 25.0
 """The unknown acceleration where samples are missing, m/s^2."""
 DRIFT_RATE = 0.5
 """The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 20 s
-(Gauss-Markov), 1/s; measured likewise (`--bias`), rounded up."""
+(Gauss-Markov), 1/s; measured likewise (`--errors receiver`), rounded up."""
 DRIFT_RATE_2 = 1.4
 """That of the acceleration, 1/s^2."""
 BIAS_TIME = 0.2
@@ -51,6 +51,8 @@ LOAD_ONSET = 0.2
 """That in which it comes to its greatest rate of the load factor, s."""
 LOAD_RATE = 25.0
 """The greatest rate of the load factor, 1/s."""
+ACCELEROMETER = 0.03
+"""The zero of an accelerometer, g: data sheets of MEMS sensors state 0.02 to 0.06 g."""
 WINGS = math.radians(0.1)
 """The angle by which the wings may lie otherwise across the path, for there is sideslip, rad."""
 
@@ -170,7 +172,9 @@ def deviations_of(
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
-        load_deviation = pull / g0 if load is None else load.deviation(offset + time, 0.0)  # of a peak, whenever it is
+        load_deviation = pull / g0
+        if load is not None:  # of a peak, whenever it is
+            load_deviation = math.hypot(load.deviation(offset + time, 0.0), ACCELEROMETER)
         return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, load_deviation, when)
 
     return at

@@ -108,7 +108,7 @@ def test_the_deviation_between_samples_bounds_what_is_lost_there() -> None:
 
 
 def test_a_recorded_load_factor_is_kept_and_judged() -> None:
-    load = np.where(np.abs(EXACT.time - 30.0) < 0.4, 10.6, 3.0) + 0.01 * np.sin(7.0 * EXACT.time)
+    load = np.where(np.abs(EXACT.time - 30.0) < 0.4, 10.8, 3.0) + 0.01 * np.sin(7.0 * EXACT.time)
     text = with_columns(EXACT, "load factor", load)
     for rules, penalty in (
         (replace(RULES, load_factor=1.0, load_factor_time=0.6), 1.0),
@@ -117,7 +117,7 @@ def test_a_recorded_load_factor_is_kept_and_judged() -> None:
         one = imported(text, rules)
         assert one.flight.basis("n_z") is Basis.MEASURED
         (breach,) = [breach for breach in one.violations if breach.rule == "load-factor"]
-        assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.6, abs=0.02), penalty, True)
+        assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.8, abs=0.02), penalty, True)
     short = imported(text, replace(RULES, load_factor=1.0, load_factor_time=1.0))
     assert not [breach for breach in short.violations if breach.rule == "load-factor"]
 
@@ -236,3 +236,15 @@ def test_a_turn_that_stays_too_low_costs_less_than_a_roll() -> None:
     found = violations(flight, {}, errors, given.penalties)
     costs = {one.passing.partition(":")[2]: one.penalty for one in found if one.rule == "manoeuvre"}
     assert costs == {"top": 2.0, "roll/begin": 3.0, "roll": 3.0}
+
+
+def test_a_push_through_a_gate_is_no_certain_bank_where_no_roll_is_recorded() -> None:
+    """The path shows along which line the lift points, and not whether the aircraft pulls on its back."""
+    seen, when, lasting = fixes(20.0, noise=0.02, gap=(0.0, 0.0)), known().passings["1:g5#2"], 0.6
+    share = np.cos(0.5 * np.pi * np.minimum(np.abs(seen.time - when) / lasting, 1.0)) ** 2
+    acceleration = 4.5 * 9.81
+    raised = seen.height + 2.0 * acceleration * (lasting / np.pi) ** 2 * share
+    judged = imported(csv_text(replace(seen, height=raised)))
+    (crossing,) = [crossing for crossing in judged.flight.crossings if crossing.name == "1:g5#2"]
+    assert abs(crossing.value("mu")) > math.radians(120.0)
+    assert not any(violation.certain for violation in judged.violations if violation.rule == "bank")
