@@ -49,7 +49,15 @@ def explored(routes: int = 3, loops: tuple[str, ...] = ()) -> SearchReport:
 
 def contested(found: SearchReport, own: StageResult | None = None) -> StageResult:
     own = own or stage_result(Stage.POINT_MASS, passings=PASSINGS)
-    return replace(own, search=found, alternatives=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
+    return replace(own, search=found, alternatives=(beside(own, 20.0), beside(own, 40.0)))
+
+
+def beside(own: StageResult, metres: float) -> StageResult:
+    """The same flight so much farther east: another one."""
+    trajectory = own.trajectory
+    state = trajectory.state.copy()
+    state[[quantity.name for quantity in trajectory.states].index("y")] += metres
+    return replace(own, trajectory=replace(trajectory, state=state))
 
 
 @pytest.fixture

@@ -29,6 +29,8 @@ from airrace.model.track.element import PYLON_HEIGHT
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.quantities import Interval
 from airrace.pages.report.flight_page import flight_page, legs_section
+from airrace.pages.views.comparison_tables import difference_text
+from airrace.pages.views.tables import RACE
 from airrace.procedure import stored_stages
 from airrace.procedure.result import Status
 from airrace.runs.json_objects import comparison_object, legs_object
@@ -275,7 +277,7 @@ def test_near_misses_are_reported_in_the_answer_and_in_the_object(run_file: str)
     assert first["distance_m"] == miss.clearance.distance == pytest.approx(0.0, abs=1e-12)
     assert (first["name"], first["beside"], first["required_m"]) == ("g0", "0:g0", 0.5)
     assert "at 0:g0" in render(near_miss_table(near_misses(flight)), columns=80)
-    assert "g0 (0.00 m, at 0:g0)" in legs_section(flight)
+    assert "g0 (0.00 m, at 0:g0)" in legs_section(flight, RACE)
 
 
 def narrow() -> Flight:
@@ -361,7 +363,7 @@ def test_a_slower_flight_of_the_same_way_is_lost_by_the_speed_alone() -> None:
         assert leg.by_speed == pytest.approx(leg.difference, abs=1e-4)
         (speed,) = [one for one in leg.differences if one.name == "speed_in"]
         assert speed.reference - speed.value == pytest.approx(5.0 / KNOT)
-        assert speed.text == "9.7 kt slower in"
+        assert difference_text(speed) == "9.7 kt slower in"
 
 
 def test_legs_are_sorted_by_what_is_lost() -> None:
