@@ -4,6 +4,9 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.complexity import complexity_of
 from airrace.procedure.result import HARDLY_SLOWER, Note, NoteKind, StageResult
 from airrace.procedure.settings import Settings
@@ -13,6 +16,8 @@ SAME_FLIGHT = 2e-4
 """The difference of race times below which two optima from different starts are the same flight, s."""
 
 
+SAME_STATE = 1e-2
+"""The largest difference of states, in their scales, by which two flights are the same one on two meshes."""
 NEAR_TIE = 4.0
 """The multiple of the limit of the certificate's `race_time_change` (1) by which race times of flights that were solved
 on one mesh each may differ because of their meshes; each may err by about that limit."""
@@ -64,3 +69,23 @@ def with_note_on_faster(
     harder, simpler = (complexity_of(stage_problem, result.trajectory).describe() for result in (fastest, chosen))
     text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
     return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))
+
+
+def is_same_flight(first: Trajectory, second: Trajectory) -> bool:
+    """Return whether two flights of one course take one time, with the same states at the same shares of all legs."""
+    if first.phases != second.phases or abs(first.race_time - second.race_time) > SAME_FLIGHT:
+        return False
+    axes: list[Array] = []
+    for trajectory in (first, second):
+        legs = zip(trajectory.first_node, trajectory.first_node[1:], strict=False)
+        places = [
+            number
+            + (trajectory.time[begin : end + 1] - trajectory.time[begin]) / np.ptp(trajectory.time[begin : end + 1])
+            for number, (begin, end) in enumerate(legs)
+        ]
+        axes.append(np.concatenate([place[:-1] for place in places] + [[float(len(places))]]))
+    for quantity, row, other_row in zip(first.states, first.state, second.state, strict=True):
+        resampled = np.interp(axes[0], axes[1], np.asarray(other_row, np.float64))
+        if not np.allclose(resampled, row, rtol=0.0, atol=SAME_STATE * quantity.scale):
+            return False
+    return True

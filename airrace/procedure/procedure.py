@@ -26,6 +26,7 @@ from airrace.procedure.choice import (
     SAME_FLIGHT,
     fastest_of,
     index_of,
+    is_same_flight,
     mesh_resolution,
     simplest_of,
     with_note_on_faster,
@@ -73,11 +74,8 @@ The order of routes at six-dof is another one than at the point mass on two of f
 CARRIED_LAG = 0.05
 """The largest lag of a route that is carried on, s."""
 LOSS_MAX = 0.1
-"""The time by which an optimum may be slower than the coarse one that it started from, s.
-
-On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
-another route was certified than the one that was found.
-"""
+"""The time by which an optimum may be slower than the coarse one that it started from, s: it is the faster one by 0.04
+s on Rovinj and Air Race X, 0.07 s on San Diego. More means that another route was certified."""
 
 
 def mesh_strategy(settings: Settings, stage: Stage, last: Stage | None) -> MeshStrategy:
@@ -261,8 +259,8 @@ def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, sea
     relaxed, budget = _relaxed_race(models, session), BUDGETS.get(session.settings.search)
     if budget is None or not searches:
         return FirstSolutions(_solve_homotopy(models, relaxed, session), relaxed)
-    jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]]
-    jobs = [functools.partial(_solve_homotopy, models, relaxed)]
+    jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]] = []
+    jobs.append(functools.partial(_solve_homotopy, models, relaxed))
     starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)
     jobs += [functools.partial(_solve_plan, start) for start in starts]
     homotopy, *plans = session.side_by_side(jobs)
@@ -556,8 +554,10 @@ def choose_and_carry(models: StageModels, results: Sequence[StageResult], settin
         time = result.trajectory.race_time
         if not result.holds or time > longest or result.trajectory is chosen.trajectory:
             continue
-        is_same = any(abs(time - kept.trajectory.race_time) <= SAME_FLIGHT for kept in (chosen, *carried))
-        if not is_same or settings.alternatives or is_rough:
+        kept = [flight.trajectory for flight in (chosen, *carried)]
+        if any(is_same_flight(result.trajectory, flight) for flight in kept):
+            continue
+        if settings.alternatives or is_rough or all(abs(time - flight.race_time) > SAME_FLIGHT for flight in kept):
             carried.append(result)
     return replace(chosen, alternatives=tuple(carried[: (settings.alternatives or CARRIED_MAX) - 1]))
 

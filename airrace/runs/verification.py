@@ -21,8 +21,9 @@ from airrace.flights.logs.violations import Violation
 from airrace.flights.results import Verification
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.quantities import Quantity
-from airrace.optimal_control.trajectory import Array, Trajectory
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure import procedure
+from airrace.procedure.choice import is_same_flight
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.result import HARDLY_SLOWER, GateSplit, Note, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.schedule import stages_of_run
@@ -57,8 +58,6 @@ BORDERLINE = 0.2
 """The distance from a curvature at which kinds differ, as a fraction of it, within which nothing is decided."""
 CLAUSES_MAX = 4
 """The number of discrepancies that a sentence tells one by one."""
-SAME_STATE = 1e-2
-"""The largest difference of states, in their scales, by which two flights are the same one on two meshes."""
 SUM_ROUNDING = 1e-9
 """The largest difference between two sums of the same numbers, as a fraction."""
 
@@ -244,28 +243,8 @@ def inconsistencies(result: StageResult) -> Iterator[str]:
         if not alternative.holds or alternative.trajectory.race_time < fastest:
             yield f"an alternative does not hold, or is faster by more than {1e3 * HARDLY_SLOWER:.0f} ms"
     for first, second in itertools.combinations((result, *result.alternatives), 2):
-        if _is_same_flight(first.trajectory, second.trajectory):
+        if is_same_flight(first.trajectory, second.trajectory):
             yield "an alternative is the flight itself, or another alternative"
-
-
-def _is_same_flight(first: Trajectory, second: Trajectory) -> bool:
-    """Return whether two flights of one course have the same states, at the same shares of every leg."""
-    if first.phases != second.phases:
-        return False
-    axes: list[Array] = []
-    for trajectory in (first, second):
-        legs = zip(trajectory.first_node, trajectory.first_node[1:], strict=False)
-        places = [
-            number
-            + (trajectory.time[begin : end + 1] - trajectory.time[begin]) / np.ptp(trajectory.time[begin : end + 1])
-            for number, (begin, end) in enumerate(legs)
-        ]
-        axes.append(np.concatenate([place[:-1] for place in places] + [[float(len(places))]]))
-    for quantity, row, other_row in zip(first.states, first.state, second.state, strict=True):
-        resampled = np.interp(axes[0], axes[1], np.asarray(other_row, np.float64))
-        if not np.allclose(resampled, row, rtol=0.0, atol=SAME_STATE * quantity.scale):
-            return False
-    return True
 
 
 def _start(result: StageResult) -> Iterator[str]:

@@ -107,7 +107,7 @@ def test_what_rough_race_times_may_be_off_by_leaves_no_route_out(monkeypatch: py
     for seconds_beside, good, rough in ((close, 0, 1), (far, 0, 0), (9.0001, 0, 1)):
         result, _ = stage_above(monkeypatch, taking(seconds_beside), settings=QUICK)
         assert len(result.alternatives) == good
-        beside, main = solve_roughly(taking(seconds_beside)), solve_roughly(taking(9.0))
+        beside, main = solve_roughly(taking(seconds_beside, north=20.0)), solve_roughly(taking(9.0))
         result, _ = stage_above(monkeypatch, beside, main=main, settings=QUICK)
         assert len(result.alternatives) == rough
         assert result.notes == ()
@@ -165,10 +165,12 @@ class Answers:
         return self.verdicts.pop(0)
 
 
-def taking(seconds: float, *, certified: bool = True) -> StageResult:
-    """A result of a race time."""
+def taking(seconds: float, *, certified: bool = True, north: float = 0.0) -> StageResult:
+    """A result of a race time, so many metres farther north."""
     own = search_optimum(SMALL, OFF)
-    flown = dataclasses.replace(own.trajectory, durations=own.trajectory.durations * seconds / own.trajectory.race_time)
+    durations, state = own.trajectory.durations * seconds / own.trajectory.race_time, own.trajectory.state.copy()
+    state[0] += north
+    flown = dataclasses.replace(own.trajectory, durations=durations, state=state)
     outcome = Status.SOLVED if certified else Status.NOT_CERTIFIED
     return dataclasses.replace(own, trajectory=flown, outcome=outcome)
 
