@@ -16,6 +16,7 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.flights.logs.histories import path_histories
 from airrace.flights.logs.nmea import parse_sentence
+from airrace.flights.logs.quality import FixType
 from airrace.model.frames import QUATERNION, angles, quaternion, rotation
 from airrace.model.track.course import metres
 from airrace.race import Race
@@ -39,6 +40,8 @@ LOAD_MAX = 15.0
 """The largest load factor that is believed of a derived acceleration, g."""
 JUMPS_MAX = 3
 """The jumps of place or time in a row after which the new ones are believed."""
+INCOMPLETE_MAX = 3
+"""The times in a row at which sentences lack a height or a speed after which that is told."""
 KEYS = "time_s, x_m, y_m, height_m (or latitude_deg, longitude_deg, altitude_m)"
 
 
@@ -69,7 +72,9 @@ class StreamReader:
     """
 
     race: Race
-    _sentence: dict[str, float] = field(default_factory=dict[str, float])
+    _epoch: dict[str, float] = field(default_factory=dict[str, float])
+    _settled: bool = False  # the sentences of this time have been answered
+    _incomplete: int = 0
     _fixes: list[Fix] = field(default_factory=list[Fix])
     _velocities: list[tuple[float, tuple[float, float, float]]] = field(
         default_factory=list[tuple[float, tuple[float, float, float]]]
@@ -93,8 +98,8 @@ class StreamReader:
 
     def _json(self, text: str) -> Fix:
         try:
-            sent = json.loads(text)
-        except ValueError:
+            sent = json.loads(text, parse_int=float)  # an integer may have more digits than any float
+        except (ValueError, RecursionError):
             raise StreamError(f"no JSON object: {text[:40]!r}; a state has {KEYS}") from None
         if not isinstance(sent, dict):
             raise StreamError(f"no JSON object: {text[:40]!r}; a state has {KEYS}")
@@ -133,12 +138,23 @@ class StreamReader:
             raise StreamError(f"an NMEA sentence that {error}") from None
         if math.isnan(time):
             return None
-        if self._sentence.get("time") != time:
-            self._sentence = {"time": time}
-        self._sentence |= values
-        if not all(name in self._sentence for name in ("latitude", "altitude", "V_G")):
+        missing = ""
+        if self._epoch.get("time") != time:
+            self._incomplete = self._incomplete + 1 if self._epoch and not self._settled else 0
+            if self._incomplete == INCOMPLETE_MAX:
+                missing = "GGA or GNS: no height comes" if "V_G" in self._epoch else "RMC"
+            self._epoch, self._settled = {"time": time}, False
+        if self._settled:
             return None
-        sent, self._sentence = self._sentence, {}
+        self._epoch |= values
+        if values.get("fix_type") == FixType.NONE:  # the other sentences of this time repeat an old place
+            self._settled = True
+            raise StreamError("NMEA without a fix: the receiver has no position")
+        if missing:
+            raise StreamError(f"NMEA without {missing}; a state takes GGA or GNS, and RMC, of one time")
+        if not all(name in self._epoch for name in ("latitude", "altitude", "V_G")):
+            return None
+        sent, self._settled = self._epoch, True
         latitude, longitude = (math.degrees(sent[name]) for name in ("latitude", "longitude"))
         place = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": sent["altitude"]}
         return Fix(time, self._place(place))  # speeds over ground lack the climb: velocities are derived

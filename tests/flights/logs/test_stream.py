@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import struct
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def as_json(time: float, **changes: float) -> list[bytes]:
     return [json.dumps({"time_s": time, "x_m": north, "y_m": east, "height_m": height, **changes}).encode()]
 
 
-def as_nmea(time: float) -> list[bytes]:
+def as_nmea(time: float, quality: int = 1, status: str = "A") -> list[bytes]:
     latitude, longitude, altitude = coordinates(time)
     clock = f"1200{time:09.6f}"
     place = ",".join(
@@ -44,8 +45,8 @@ def as_nmea(time: float) -> list[bytes]:
         for angle, digits, side in ((latitude, 2, "N"), (longitude, 3, "E"))
     )
     sentences = (
-        f"GPGGA,{clock},{place},1,12,0.8,{altitude:.4f},M,0.0,M,,",
-        f"GPRMC,{clock},A,{place},175.0,0.0,130414,,",
+        f"GPGGA,{clock},{place},{quality},12,0.8,{altitude:.4f},M,0.0,M,,",
+        f"GPRMC,{clock},{status},{place},175.0,0.0,130414,,",
     )
     messages: list[bytes] = []
     for sentence in sentences:
@@ -100,6 +101,10 @@ def test_states_of_a_circle_are_recovered_from_every_language(write: object) -> 
         (as_json(2.0, x_m=math.nan)[0], "no number"),
         (as_json(0.5)[0], "does not run forwards"),
         (as_json(1.1, x_m=5000.0)[0], "a jump of"),
+        (b"9" * 400, "no JSON object"),
+        (as_json(1.1, x_m=10**400)[0], "no number"),
+        (as_json(1.1, time_s=10**400)[0], "no number"),
+        (b"[" * 60_000, "no JSON object"),
         (b"$GPGGA,120000.0,4500.0,N*00\r\n", "checksum"),
         (b"$GPGGA,120000.0,4500.0\r\n", "with a fix"),
         (b"DATA*", "lacks a row"),
@@ -139,3 +144,39 @@ def test_a_place_that_stays_after_a_jump_is_believed() -> None:
         state = reader.state(as_json(time, x_m=5000.0)[0])
     assert state is not None
     assert state[1]["x"] == 5000.0
+
+
+def answers_to(reader: StreamReader, messages: Iterable[bytes]) -> tuple[list[float], list[str]]:
+    """Return the times of the states of some messages, s, and the remarks on them."""
+    times, remarks = list[float](), list[str]()
+    for message in messages:
+        try:
+            state = reader.state(message)
+        except StreamError as error:
+            remarks.append(str(error))
+            continue
+        if state is not None:
+            times.append(state[0] % 60.0)
+    return times, remarks
+
+
+@pytest.mark.parametrize(("quality", "status"), [(0, "A"), (6, "A"), (1, "V"), (0, "V")])
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_place_without_a_fix_is_no_state(quality: int, status: str, order: int) -> None:
+    reader = StreamReader(RACE)
+    for number in range(5):
+        answers_to(reader, as_nmea(0.1 * number)[::order])
+    times, remarks = answers_to(reader, as_nmea(0.5, quality, status)[::order])
+    assert times == []
+    assert remarks == ["NMEA without a fix: the receiver has no position"]
+    times, remarks = answers_to(reader, as_nmea(0.6)[::order])
+    assert times == pytest.approx([0.6], abs=1e-6)
+    assert remarks == []
+
+
+@pytest.mark.parametrize(("sentence", "words"), [(0, "without RMC"), (1, "no height comes")])
+def test_sentences_that_never_make_a_state_are_told_of_once(sentence: int, words: str) -> None:
+    times, remarks = answers_to(StreamReader(RACE), (as_nmea(0.1 * number)[sentence] for number in range(20)))
+    assert times == []
+    assert len(remarks) == 1
+    assert words in remarks[0]
