@@ -26,8 +26,9 @@ FOOT = 0.3048
 XPLANE_HEADER = b"DATA"
 """The first bytes of X-Plane's data output: a byte follows, then rows of a number and eight values."""
 XPLANE_ROW = struct.Struct("<i8f")
-XPLANE_LOAD, XPLANE_ATTITUDE, XPLANE_PLACE = 4, 17, 20
-"""The rows with the load factor (5th value), with pitch and roll, and with latitude, longitude and altitude."""
+XPLANE_LOAD, XPLANE_ATTITUDE, XPLANE_PLACE, XPLANE_MOTION = 4, 17, 20, 21
+"""The rows with the load factor (5th value), with pitch and roll, with latitude, longitude and altitude, and with a
+place east, up and south of a local origin and its velocity (4th to 6th value, m/s)."""
 XPLANE_TIME = 1
 """The row with times, s: the third value is that of the simulation."""
 FASTEST = 300.0
@@ -36,6 +37,12 @@ NEARBY = 30.0
 """The distance that noise may explain, m."""
 SECONDS_BETWEEN = 0.04
 """The least time between two states from which a velocity is derived, s."""
+GAP_MAX = 0.26
+"""The time between two states beyond which nothing is derived from them, s: four a second are enough."""
+FIXES_MIN = 3
+"""The fixes that a derived velocity and acceleration take."""
+FIT_SECONDS = 0.5
+"""The time over which coarse places are fitted, s: steps of 0.4 m leave errors of up to 2 m/s."""
 LOAD_MAX = 15.0
 """The largest load factor that is believed of a derived acceleration, g."""
 JUMPS_MAX = 3
@@ -49,7 +56,8 @@ KEYS = "time_s, x_m, y_m, height_m (or latitude_deg, longitude_deg, altitude_m)"
 class Fix:
     """A message: time, s, place north, east and up in the track's frame, m, and what else was sent, SI and radians.
 
-    `velocity` is north, east and up, m/s; None where it was not sent, NaN likewise for the others.
+    `velocity` is north, east and up, m/s; None where it was not sent, NaN likewise for the others. `coarse` is a place
+    of such large steps that successive ones tell no velocity.
     """
 
     time: float
@@ -57,6 +65,7 @@ class Fix:
     velocity: tuple[float, float, float] | None = None
     bank: float = math.nan
     n_z: float = math.nan
+    coarse: bool = False
 
 
 class StreamError(Exception):
@@ -76,9 +85,6 @@ class StreamReader:
     _settled: bool = False  # the sentences of this time have been answered
     _incomplete: int = 0
     _fixes: list[Fix] = field(default_factory=list[Fix])
-    _velocities: list[tuple[float, tuple[float, float, float]]] = field(
-        default_factory=list[tuple[float, tuple[float, float, float]]]
-    )
     _jumps: int = 0
 
     def state(self, message: bytes) -> tuple[float, dict[str, float]] | None:
@@ -165,12 +171,17 @@ class StreamReader:
             number, *values = XPLANE_ROW.unpack_from(message, offset)
             rows[number] = tuple(values)
         if XPLANE_PLACE not in rows or XPLANE_TIME not in rows:
-            raise StreamError("X-Plane's data output lacks a row; tick 1 (times), 4, 17 and 20 for the network")
+            raise StreamError("X-Plane's data output lacks a row; tick 1 (times), 4, 17, 20 and 21 for the network")
         latitude, longitude, feet, *_ = rows[XPLANE_PLACE]
         place = self._place({"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": FOOT * feet})
         bank = math.radians(rows[XPLANE_ATTITUDE][1]) if XPLANE_ATTITUDE in rows else math.nan
         n_z = rows[XPLANE_LOAD][4] if XPLANE_LOAD in rows else math.nan
-        return Fix(float(rows[XPLANE_TIME][2]), place, bank=bank, n_z=n_z)
+        velocity: tuple[float, float, float] | None = None
+        if XPLANE_MOTION in rows:
+            east, up, south = rows[XPLANE_MOTION][3:6]
+            velocity = (-south, east, up)
+        # Latitudes have 24 bits.
+        return Fix(float(rows[XPLANE_TIME][2]), place, velocity, bank, n_z, coarse=velocity is None)
 
     def _state_of(self, fix: Fix) -> tuple[float, dict[str, float]] | None:
         if not all(map(math.isfinite, (fix.time, *fix.place))):
@@ -189,23 +200,37 @@ class StreamReader:
                 self._jumps += 1
                 if self._jumps < JUMPS_MAX:
                     raise StreamError(fault)
-                self._fixes, self._velocities = [], []
+                self._fixes = []
             elif passed < SECONDS_BETWEEN and fix.velocity is None:
                 return None
         self._jumps = 0
-        self._fixes = [*self._fixes[-1:], fix]
-        velocity = fix.velocity
-        if velocity is None:
-            if len(self._fixes) < 2:
-                return None
-            before, now = self._fixes
-            slope = (np.array(now.place) - before.place) / (now.time - before.time)
-            velocity = (float(slope[0]), float(slope[1]), float(slope[2]))
-        self._velocities = [*self._velocities[-1:], (fix.time, velocity)]
-        if len(self._velocities) < 2:
+        gap = fix.time - self._fixes[-1].time if self._fixes else 0.0
+        recent = [before for before in self._fixes if gap <= GAP_MAX and fix.time - before.time <= FIT_SECONDS + 0.02]
+        self._fixes = [*recent, fix]
+        motion = self._motion()
+        if motion is None:
+            if gap > GAP_MAX:
+                raise StreamError(f"{gap:.2f} s without a state: velocity and load are derived anew")
             return None
-        (t0, v0), (t1, v1) = self._velocities
-        return fix.time, self._complete(fix, np.array(v1), (np.array(v1) - v0) / max(t1 - t0, 1e-3))
+        return fix.time, self._complete(fix, *motion)
+
+    def _motion(self) -> tuple[Any, Any] | None:  # Any: arrays of shape (3,)
+        """Return velocity, m/s, and acceleration, m/s^2, at the last fix; None while there are too few."""
+        fix = self._fixes[-1]
+        if fix.velocity is not None:
+            before = self._fixes[-2] if len(self._fixes) > 1 else None
+            if before is not None and before.velocity is not None:
+                step = max(fix.time - before.time, 1e-3)
+                return np.array(fix.velocity), (np.array(fix.velocity) - before.velocity) / step
+            is_complete = math.isfinite(fix.bank + fix.n_z)  # nothing follows from the acceleration then
+            return (np.array(fix.velocity), np.zeros(3)) if is_complete else None
+        fixes = self._fixes if fix.coarse else self._fixes[-FIXES_MIN:]
+        span = fix.time - fixes[0].time
+        if len(fixes) < FIXES_MIN or (fix.coarse and span < 0.9 * FIT_SECONDS):
+            return None
+        times = np.array([before.time - fix.time for before in fixes])
+        half, velocity, _ = np.polyfit(times, np.array([before.place for before in fixes]), 2)
+        return velocity, 2.0 * half
 
     def _complete(self, fix: Fix, velocity: Any, acceleration: Any) -> dict[str, float]:  # Any: arrays of shape (3,)
         """Return the state of the flight path at a fix."""
