@@ -63,7 +63,7 @@ def as_nmea(time: float, quality: int = 1, status: str = "A") -> list[bytes]:
 def as_xplane(time: float, *, motion: bool = True) -> list[bytes]:
     latitude, longitude, altitude = coordinates(time)
     turned = SPEED * time / RADIUS
-    rows = [
+    rows: list[tuple[float, ...]] = [
         (1, 0.0, 0.0, time),
         (4, 0.0, 0.0, 0.0, 0.0, LOAD),
         (17, 3.0, math.degrees(BANK)),
