@@ -132,6 +132,8 @@ class StreamReader:
             raise StreamError(f"a state without a place; it has {KEYS}")
         if not origin.has_coordinates:
             raise UsageError("the stream sends latitudes, and the course has no origin; give one: origin.latitude_deg")
+        if not math.isfinite(values["latitude_deg"] + values["longitude_deg"]):
+            raise StreamError("a state with a value that is no number")
         latitude, longitude = (np.radians([values[name]]) for name in ("latitude_deg", "longitude_deg"))
         north, east, _ = metres(latitude, longitude, origin)
         return float(north[0]), float(east[0]), values["altitude_m"] - origin.elevation

@@ -156,6 +156,7 @@ def test_a_state_with_all_that_is_needed_takes_no_others() -> None:
         (b"9" * 400, "no JSON object"),
         (as_json(1.1, x_m=10**400)[0], "no number"),
         (as_json(1.1, time_s=10**400)[0], "no number"),
+        (b'{"time_s": 1.1, "latitude_deg": 1e999, "longitude_deg": 1, "altitude_m": 1}', "no number"),
         (b"[" * 60_000, "no JSON object"),
         (b"$GPGGA,120000.0,4500.0,N*00\r\n", "checksum"),
         (b"$GPGGA,120000.0,4500.0\r\n", "with a fix"),

@@ -149,6 +149,25 @@ def test_a_flight_begins_at_its_start_and_anew_behind_a_way_round() -> None:
     assert np.array(gaps, float) == pytest.approx(0.0, abs=0.05)
 
 
+def test_behind_the_finish_there_is_no_guidance_and_the_next_start_counts() -> None:
+    lines = [json.loads(line) for (line,) in replayed(VIEW.flight(), every=0.1, speed=0.0)]
+    last = lines[-1]
+    beyond = [
+        {**last, **{key: last[key] + 0.1 * step * last[speed] for key, speed in VELOCITIES.items()}}
+        for step in range(1, 21)
+    ]
+    states = [*lines, *beyond, *lines]
+    stamped = ([json.dumps({**state, "time_s": 0.1 * number}).encode()] for number, state in enumerate(states))
+    answers = list(follow_stream(VIEW, stamped, gates=1, every=0.5))
+    behind = [float(str(answer["time_s"])) for answer in answers if answer.get("remark") == "behind the finish"]
+    assert min(behind) == pytest.approx(0.1 * len(lines), abs=0.5)
+    anew = 0.1 * (len(lines) + len(beyond))
+    for answer in answers:
+        if "race_clock_s" in answer and float(str(answer["time_s"])) > anew:
+            assert answer["race_clock_s"] == pytest.approx(float(str(answer["time_s"])) - anew, abs=0.02)
+    assert "race_clock_s" in answers[-1]
+
+
 def test_datagrams_that_wait_are_all_read() -> None:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
         probe.bind((LOOPBACK, 0))
