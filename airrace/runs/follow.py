@@ -31,7 +31,9 @@ LOOPBACK = "127.0.0.1"
 MESSAGE_MAX = 65536
 """The largest datagram, bytes."""
 LINES_MAX = 1000
-"""The lines that wait; then whoever sends them waits, too."""
+"""The lines that wait, then whoever sends them waits, too; and the datagrams that are read at a time."""
+WAITING_MAX = 2**20
+"""The memory for datagrams that wait while a flight is solved, bytes; the system may allow less."""
 SILENCE = 2.0
 """The time without a message after which it is told, s."""
 DEVIATIONS = {"x": 2.0, "y": 2.0, "z": 2.0, "V_K": 1.0, "q0": 0.03, "q1": 0.03, "q2": 0.03, "q3": 0.03, "n_z": 0.3}
@@ -44,6 +46,12 @@ CUES_MAX = 2
 """The number of cues that are told ahead."""
 OFF_COURSE = 300.0
 """The distance from the optimum beyond which no guidance is given, m."""
+ROUNDING = 1e-6
+"""The time by which the last place may miss the race time, s."""
+START_ASIDE = 60.0
+"""The distance from where the optimum starts beyond which a crossing is not one of the start, m."""
+START_SLANT = math.cos(math.radians(60.0))
+"""The cosine of the largest angle between the path and the optimum's at the start."""
 
 Answer = dict[str, object]
 """An answer, or a remark, as a JSON object."""
@@ -57,9 +65,11 @@ class Follower:
         rest: solves what is left of the race.
         cues: of the optimum.
         gates: so many gates ahead the line leads.
-        begins: the time of the stream at which the flight would have started as the optimum did, s; NaN at first.
+        begins: the time of the stream at which the start was crossed, s; NaN before.
         place: the last place, s on the optimum's clock.
-        last: the time of the stream of that, s.
+        placed: the time of the stream of that, s.
+        again: the time of the stream from which on a crossing of the start begins the flight, s.
+        last: the time of the last state, s.
     """
 
     rest: CostToGo
@@ -67,25 +77,48 @@ class Follower:
     gates: int
     begins: float = math.nan
     place: float = math.nan
+    placed: float = math.nan
+    again: float = -math.inf
     last: float = math.nan
+
+    def observe(self, at: float, state: Mapping[str, float]) -> None:
+        """Start the clock where a state, at a time of the stream (s), comes just behind the start."""
+        if at < self.last:  # the stream has started anew
+            self.begins, self.again = math.nan, -math.inf
+        self.last = at
+        crossed = self._start_before(at, state)
+        if crossed > self.again:
+            self.begins = self.placed = crossed
+            self.place, self.again = 0.0, math.inf
+
+    def _start_before(self, at: float, state: Mapping[str, float]) -> float:
+        """Return when the start was crossed, at most `BACK` before a state; NaN if it was not."""
+        start = self.rest.state_at(0.0)
+        ahead, heading = (np.array(rotation([values[name] for name in QUATERNION]))[:, 0] for values in (start, state))
+        offset = np.array([state[name] - start[name] for name in "xyz"])
+        slant = float(ahead @ heading)
+        if slant < START_SLANT:
+            return math.nan
+        passed = float(ahead @ offset) / (state["V_K"] * slant)
+        aside = float(np.linalg.norm(offset - passed * state["V_K"] * heading))
+        return at - passed if 0.0 <= passed <= BACK and aside < START_ASIDE else math.nan
 
     def answer(self, session: SolverSession, at: float, state: Mapping[str, float]) -> Answer:
         """Return the answer to a state at a time of the stream, s."""
-        optimum = self.rest.optimum
-        low, high = 0.0, optimum.race_time
-        if at < self.last:  # the stream has started anew
-            self.place = self.begins = math.nan
-        if not math.isnan(self.place):
-            low, high = self.place - BACK, self.place + (at - self.last) + AHEAD
+        if math.isnan(self.begins):
+            return {"time_s": at, "remark": "before the start"}
+        low = self.place - BACK
+        high = min(self.place + at - self.placed, at - self.begins) + AHEAD
         place, leg = self._nearest(state, low, high)
         reference = self.rest.state_at(place)
         away = math.dist([state[name] for name in "xyz"], [reference[name] for name in "xyz"])
         if away > OFF_COURSE:
-            self.place = math.nan
+            self.again = min(self.again, at)
             return {"time_s": at, "remark": f"{away:.0f} m from the line: off the course"}
-        self.place, self.last = place, at
-        if math.isnan(self.begins):
-            self.begins = at - place
+        self.place, self.placed = place, at
+        if place >= self.rest.optimum.race_time - ROUNDING:
+            self.again = min(self.again, at + BACK)  # the finish may be where the start is
+            return {"time_s": at, "remark": "behind the finish"}
         rest = self.rest.solve(session, state, leg, deviations=DEVIATIONS, gates=self.gates)
         return self._answer_of(rest, at, leg, away)
 
@@ -119,19 +152,21 @@ class Follower:
         for leg in range(len(ends) - 1):
             if ends[leg + 1] < low or ends[leg] > high:
                 continue
-            place = self.rest.time_of(state, leg)
+            place = min(max(self.rest.time_of(state, leg), low), high)
             reference = self.rest.state_at(place)
             apart = math.dist([state[name] for name in "xyz"], [reference[name] for name in "xyz"])
             best = min(best, (apart, place, leg))
         return best[1], best[2]
 
 
-def follow_stream(view: StageView, messages: Iterable[bytes | None], *, gates: int, every: float) -> Iterator[Answer]:
+def follow_stream(view: StageView, batches: Iterable[Sequence[bytes]], *, gates: int, every: float) -> Iterator[Answer]:
     """Yield an answer for every state that is due, and a remark for whatever is no state.
+
+    Of messages that have waited together all are read, for derivatives and the start, and the last one is answered.
 
     Args:
         view: the stage by whose optimum is flown, best a point mass.
-        messages: of the stream; None where it has been silent.
+        batches: the messages of the stream that wait at a time; none where it has been silent.
         gates: so many gates ahead the line leads.
         every: the least time of the stream between two answers, s.
 
@@ -146,22 +181,28 @@ def follow_stream(view: StageView, messages: Iterable[bytes | None], *, gates: i
         new_service(threads) as service,
         closing(SolverSession(service, view.inputs.settings, Silent(), threads)) as session,
     ):
-        for number, message in enumerate(messages, start=1):
-            if message is None:
+        number = 0
+        for messages in batches:
+            if not messages:
                 yield {"remark": f"no message for {SILENCE:g} s"}
-                continue
-            try:
-                state = reader.state(message)
-            except StreamError as error:
-                yield {"message": number, "remark": str(error)}
-                continue
-            if state is not None and (state[0] >= due or state[0] < due - every):
-                due = state[0] + every
-                yield follower.answer(session, *state)
+            newest: tuple[float, dict[str, float]] | None = None
+            for message in messages:
+                number += 1
+                try:
+                    state = reader.state(message)
+                except StreamError as error:
+                    yield {"message": number, "remark": str(error)}
+                    continue
+                if state is not None:
+                    follower.observe(*state)
+                    newest = state
+            if newest is not None and (newest[0] >= due or newest[0] < due - every):
+                due = newest[0] + every
+                yield follower.answer(session, *newest)
 
 
-def standard_input() -> Iterator[bytes | None]:
-    """Yield the lines of standard input, and None whenever it has been silent."""
+def standard_input() -> Iterator[list[bytes]]:
+    """Yield the lines of standard input one by one, and nothing in a list whenever it has been silent."""
     lines: queue.Queue[bytes] = queue.Queue(LINES_MAX)
 
     def read() -> None:
@@ -174,37 +215,38 @@ def standard_input() -> Iterator[bytes | None]:
         try:
             line = lines.get(timeout=SILENCE)
         except queue.Empty:
-            yield None
+            yield []
             continue
         if not line:
             return
-        yield line
+        yield [line]
 
 
-def udp_port(port: int) -> Iterator[bytes | None]:
-    """Yield the datagrams at a port of the loopback address, the newest of those that wait; None after a silence.
+def udp_port(port: int) -> Iterator[list[bytes]]:
+    """Yield the datagrams that wait at a port of the loopback address, the oldest first; none after a silence.
 
     Raises:
         UsageError: the port is taken.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WAITING_MAX)
         try:
             receiver.bind((LOOPBACK, port))
         except OSError as error:
             raise UsageError(f"port {port} of {LOOPBACK} cannot be read: {error.strerror}; choose another") from None
         while True:
             receiver.settimeout(SILENCE)
-            message: bytes | None = None
+            messages: list[bytes] = []
             with contextlib.suppress(TimeoutError, BlockingIOError):
-                message = receiver.recv(MESSAGE_MAX)
+                messages.append(receiver.recv(MESSAGE_MAX))
                 receiver.setblocking(False)
-                while True:
-                    message = receiver.recv(MESSAGE_MAX)
-            yield message
+                while len(messages) < LINES_MAX:
+                    messages.append(receiver.recv(MESSAGE_MAX))
+            yield messages
 
 
-def replayed(flight: Flight, *, every: float, speed: float) -> Iterator[bytes]:
-    """Yield the states of a flight as JSON lines.
+def replayed(flight: Flight, *, every: float, speed: float) -> Iterator[list[bytes]]:
+    """Yield the states of a flight as JSON lines, one by one.
 
     Args:
         flight: that is replayed.
@@ -227,4 +269,4 @@ def replayed(flight: Flight, *, every: float, speed: float) -> Iterator[bytes]:
             "bank_deg": float(bank[row]),
             "n_z": float(sampled.values("n_z")[row]),
         }
-        yield json.dumps(state).encode()
+        yield [json.dumps(state).encode()]

@@ -1,7 +1,8 @@
 """NMEA 0183: the sentences of a receiver, RMC, GGA and GNS, with GSA and GST for its accuracy and ZDA for the date.
 
-Sentences of one time make one sample, whichever talkers they are of. One whose checksum is wrong is left out and
-counted, and so is one without a checksum in a file whose first sentence has one.
+Sentences of one time make one sample, whichever talkers they are of; only those with a position begin one: a receiver
+may send the date (ZDA) or the accuracy (GST) of another second between them. One whose checksum is wrong is left out
+and counted, and so is one without a checksum in a file whose first sentence has one.
 """
 
 import math
@@ -19,7 +20,8 @@ from airrace.optimal_control.quantities import KNOT
 _SENTENCE = re.compile(r"\$(?P<content>[A-Z]{2}(?P<kind>[A-Z]{3}),[^*$]*)(?:\*(?P<sum>\w{2}))?")
 POSITION = re.compile(r"\$[A-Z]{2}(RMC|GGA|GNS),")
 """A sentence with a position; a logger may have put a time before it."""
-_TIMED = ("RMC", "GGA", "GNS", "GST", "ZDA")
+_PLACED = ("RMC", "GGA", "GNS")
+_TIMED = (*_PLACED, "GST", "ZDA")
 _COLUMNS = ("latitude", "longitude", "altitude", "V_G", "fix_type", "satellites")
 _QUALITY = ("hdop", "vdop", "pdop", "h_acc", "v_acc")
 _MODES = {"R": FixType.FIXED, "F": FixType.FLOAT, "P": FixType.SPACE, "D": FixType.DIFFERENTIAL, "A": FixType.SPACE}
@@ -75,7 +77,7 @@ def read_nmea(path: str, lines: Iterable[str]) -> Recording:
         except (ValueError, IndexError, OverflowError):
             faults.leave_out(number, f"is no {kind} sentence: `{line.strip()[:60]}`", "fields")
             continue
-        if math.isfinite(time) and time != epoch.time:
+        if kind in _PLACED and math.isfinite(time) and time != epoch.time:
             epoch.append_to(samples)
             epoch = _Epoch(time, number)
         epoch.add(values)
@@ -98,7 +100,7 @@ def read_nmea(path: str, lines: Iterable[str]) -> Recording:
 
 
 def parse_sentence(text: str) -> tuple[float, dict[str, float]]:
-    """Return the clock of one sentence, s, and what it tells, as `_values`; NaN and nothing where it tells no time.
+    """Return the clock of one sentence, s, and what it tells, as `_values`; NaN and nothing where it has no position.
 
     Raises:
         ValueError: it is damaged.
@@ -109,7 +111,7 @@ def parse_sentence(text: str) -> tuple[float, dict[str, float]]:
     if problem := _problem(sentence, summed=sentence["sum"] is not None):
         raise ValueError(problem)
     kind, fields = sentence["kind"], sentence["content"].strip().split(",")[1:]
-    if kind not in _TIMED:
+    if kind not in _PLACED:
         return math.nan, {}
     try:
         return parse_time("hhmmss", fields[0], None), _values(kind, fields)

@@ -16,6 +16,7 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.flights.logs.histories import path_histories
 from airrace.flights.logs.nmea import parse_sentence
+from airrace.flights.logs.quality import FixType
 from airrace.model.frames import QUATERNION, angles, quaternion, rotation
 from airrace.model.track.course import metres
 from airrace.race import Race
@@ -25,8 +26,9 @@ FOOT = 0.3048
 XPLANE_HEADER = b"DATA"
 """The first bytes of X-Plane's data output: a byte follows, then rows of a number and eight values."""
 XPLANE_ROW = struct.Struct("<i8f")
-XPLANE_LOAD, XPLANE_ATTITUDE, XPLANE_PLACE = 4, 17, 20
-"""The rows with the load factor (5th value), with pitch and roll, and with latitude, longitude and altitude."""
+XPLANE_LOAD, XPLANE_ATTITUDE, XPLANE_PLACE, XPLANE_MOTION = 4, 17, 20, 21
+"""The rows with the load factor (5th value), with pitch and roll, with latitude, longitude and altitude, and with a
+place east, up and south of a local origin and its velocity (4th to 6th value, m/s)."""
 XPLANE_TIME = 1
 """The row with times, s: the third value is that of the simulation."""
 FASTEST = 300.0
@@ -35,10 +37,18 @@ NEARBY = 30.0
 """The distance that noise may explain, m."""
 SECONDS_BETWEEN = 0.04
 """The least time between two states from which a velocity is derived, s."""
+GAP_MAX = 0.26
+"""The time between two states beyond which nothing is derived from them, s: four a second are enough."""
+FIXES_MIN = 3
+"""The fixes that a derived velocity and acceleration take."""
+FIT_SECONDS = 0.5
+"""The time over which coarse places are fitted, s: steps of 0.4 m leave errors of up to 2 m/s."""
 LOAD_MAX = 15.0
 """The largest load factor that is believed of a derived acceleration, g."""
 JUMPS_MAX = 3
 """The jumps of place or time in a row after which the new ones are believed."""
+INCOMPLETE_MAX = 3
+"""The times in a row at which sentences lack a height or a speed after which that is told."""
 KEYS = "time_s, x_m, y_m, height_m (or latitude_deg, longitude_deg, altitude_m)"
 
 
@@ -46,7 +56,8 @@ KEYS = "time_s, x_m, y_m, height_m (or latitude_deg, longitude_deg, altitude_m)"
 class Fix:
     """A message: time, s, place north, east and up in the track's frame, m, and what else was sent, SI and radians.
 
-    `velocity` is north, east and up, m/s; None where it was not sent, NaN likewise for the others.
+    `velocity` is north, east and up, m/s; None where it was not sent, NaN likewise for the others. `coarse` is a place
+    of such large steps that successive ones tell no velocity.
     """
 
     time: float
@@ -54,6 +65,7 @@ class Fix:
     velocity: tuple[float, float, float] | None = None
     bank: float = math.nan
     n_z: float = math.nan
+    coarse: bool = False
 
 
 class StreamError(Exception):
@@ -69,11 +81,10 @@ class StreamReader:
     """
 
     race: Race
-    _sentence: dict[str, float] = field(default_factory=dict[str, float])
+    _epoch: dict[str, float] = field(default_factory=dict[str, float])
+    _settled: bool = False  # the sentences of this time have been answered
+    _incomplete: int = 0
     _fixes: list[Fix] = field(default_factory=list[Fix])
-    _velocities: list[tuple[float, tuple[float, float, float]]] = field(
-        default_factory=list[tuple[float, tuple[float, float, float]]]
-    )
     _jumps: int = 0
 
     def state(self, message: bytes) -> tuple[float, dict[str, float]] | None:
@@ -93,8 +104,8 @@ class StreamReader:
 
     def _json(self, text: str) -> Fix:
         try:
-            sent = json.loads(text)
-        except ValueError:
+            sent = json.loads(text, parse_int=float)  # an integer may have more digits than any float
+        except (ValueError, RecursionError):
             raise StreamError(f"no JSON object: {text[:40]!r}; a state has {KEYS}") from None
         if not isinstance(sent, dict):
             raise StreamError(f"no JSON object: {text[:40]!r}; a state has {KEYS}")
@@ -121,6 +132,8 @@ class StreamReader:
             raise StreamError(f"a state without a place; it has {KEYS}")
         if not origin.has_coordinates:
             raise UsageError("the stream sends latitudes, and the course has no origin; give one: origin.latitude_deg")
+        if not math.isfinite(values["latitude_deg"] + values["longitude_deg"]):
+            raise StreamError("a state with a value that is no number")
         latitude, longitude = (np.radians([values[name]]) for name in ("latitude_deg", "longitude_deg"))
         north, east, _ = metres(latitude, longitude, origin)
         return float(north[0]), float(east[0]), values["altitude_m"] - origin.elevation
@@ -133,12 +146,23 @@ class StreamReader:
             raise StreamError(f"an NMEA sentence that {error}") from None
         if math.isnan(time):
             return None
-        if self._sentence.get("time") != time:
-            self._sentence = {"time": time}
-        self._sentence |= values
-        if not all(name in self._sentence for name in ("latitude", "altitude", "V_G")):
+        missing = ""
+        if self._epoch.get("time") != time:
+            self._incomplete = self._incomplete + 1 if self._epoch and not self._settled else 0
+            if self._incomplete == INCOMPLETE_MAX:
+                missing = "GGA or GNS: no height comes" if "V_G" in self._epoch else "RMC"
+            self._epoch, self._settled = {"time": time}, False
+        if self._settled:
             return None
-        sent, self._sentence = self._sentence, {}
+        self._epoch |= values
+        if values.get("fix_type") == FixType.NONE:  # the other sentences of this time repeat an old place
+            self._settled = True
+            raise StreamError("NMEA without a fix: the receiver has no position")
+        if missing:
+            raise StreamError(f"NMEA without {missing}; a state takes GGA or GNS, and RMC, of one time")
+        if not all(name in self._epoch for name in ("latitude", "altitude", "V_G")):
+            return None
+        sent, self._settled = self._epoch, True
         latitude, longitude = (math.degrees(sent[name]) for name in ("latitude", "longitude"))
         place = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": sent["altitude"]}
         return Fix(time, self._place(place))  # speeds over ground lack the climb: velocities are derived
@@ -149,12 +173,17 @@ class StreamReader:
             number, *values = XPLANE_ROW.unpack_from(message, offset)
             rows[number] = tuple(values)
         if XPLANE_PLACE not in rows or XPLANE_TIME not in rows:
-            raise StreamError("X-Plane's data output lacks a row; tick 1 (times), 4, 17 and 20 for the network")
+            raise StreamError("X-Plane's data output lacks a row; tick 1 (times), 4, 17, 20 and 21 for the network")
         latitude, longitude, feet, *_ = rows[XPLANE_PLACE]
         place = self._place({"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": FOOT * feet})
         bank = math.radians(rows[XPLANE_ATTITUDE][1]) if XPLANE_ATTITUDE in rows else math.nan
         n_z = rows[XPLANE_LOAD][4] if XPLANE_LOAD in rows else math.nan
-        return Fix(float(rows[XPLANE_TIME][2]), place, bank=bank, n_z=n_z)
+        velocity: tuple[float, float, float] | None = None
+        if XPLANE_MOTION in rows:
+            east, up, south = rows[XPLANE_MOTION][3:6]
+            velocity = (-south, east, up)
+        # Latitudes have 24 bits.
+        return Fix(float(rows[XPLANE_TIME][2]), place, velocity, bank, n_z, coarse=velocity is None)
 
     def _state_of(self, fix: Fix) -> tuple[float, dict[str, float]] | None:
         if not all(map(math.isfinite, (fix.time, *fix.place))):
@@ -173,23 +202,37 @@ class StreamReader:
                 self._jumps += 1
                 if self._jumps < JUMPS_MAX:
                     raise StreamError(fault)
-                self._fixes, self._velocities = [], []
+                self._fixes = []
             elif passed < SECONDS_BETWEEN and fix.velocity is None:
                 return None
         self._jumps = 0
-        self._fixes = [*self._fixes[-1:], fix]
-        velocity = fix.velocity
-        if velocity is None:
-            if len(self._fixes) < 2:
-                return None
-            before, now = self._fixes
-            slope = (np.array(now.place) - before.place) / (now.time - before.time)
-            velocity = (float(slope[0]), float(slope[1]), float(slope[2]))
-        self._velocities = [*self._velocities[-1:], (fix.time, velocity)]
-        if len(self._velocities) < 2:
+        gap = fix.time - self._fixes[-1].time if self._fixes else 0.0
+        recent = [before for before in self._fixes if gap <= GAP_MAX and fix.time - before.time <= FIT_SECONDS + 0.02]
+        self._fixes = [*recent, fix]
+        motion = self._motion()
+        if motion is None:
+            if gap > GAP_MAX:
+                raise StreamError(f"{gap:.2f} s without a state: velocity and load are derived anew")
             return None
-        (t0, v0), (t1, v1) = self._velocities
-        return fix.time, self._complete(fix, np.array(v1), (np.array(v1) - v0) / max(t1 - t0, 1e-3))
+        return fix.time, self._complete(fix, *motion)
+
+    def _motion(self) -> tuple[Any, Any] | None:  # Any: arrays of shape (3,)
+        """Return velocity, m/s, and acceleration, m/s^2, at the last fix; None while there are too few."""
+        fix = self._fixes[-1]
+        if fix.velocity is not None:
+            before = self._fixes[-2] if len(self._fixes) > 1 else None
+            if before is not None and before.velocity is not None:
+                step = max(fix.time - before.time, 1e-3)
+                return np.array(fix.velocity), (np.array(fix.velocity) - before.velocity) / step
+            is_complete = math.isfinite(fix.bank + fix.n_z)  # nothing follows from the acceleration then
+            return (np.array(fix.velocity), np.zeros(3)) if is_complete else None
+        fixes = self._fixes if fix.coarse else self._fixes[-FIXES_MIN:]
+        span = fix.time - fixes[0].time
+        if len(fixes) < FIXES_MIN or (fix.coarse and span < 0.9 * FIT_SECONDS):
+            return None
+        times = np.array([before.time - fix.time for before in fixes])
+        half, velocity, _ = np.polyfit(times, np.array([before.place for before in fixes]), 2)
+        return velocity, 2.0 * half
 
     def _complete(self, fix: Fix, velocity: Any, acceleration: Any) -> dict[str, float]:  # Any: arrays of shape (3,)
         """Return the state of the flight path at a fix."""

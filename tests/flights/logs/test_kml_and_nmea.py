@@ -174,6 +174,7 @@ def gns(row: int) -> str:
 
 ROWS = range(COUNT)
 GSV, GSA = sentence("GPGSV,1,1,01,05,40,083,46"), sentence("GNGSA,A,3,05,,,,,,,,,,,,1.7,0.8,1.5")
+ZDA = sentence(f"GNZDA,235959.00,{CLOCK[0]:%d,%m,%Y},00,00")
 STREAMS = {
     "RMC before GGA": [line for row in ROWS for line in (rmc(row), gga(row), GSV, GSA)],
     "GGA before RMC": [line for row in ROWS for line in (gga(row), rmc(row))],
@@ -181,6 +182,7 @@ STREAMS = {
     "GNS": [line for row in ROWS for line in (gns(row), rmc(row))],
     "a date now and then": [line for row in ROWS for line in ([gga(row)] if row % 9 else [gga(row), rmc(row)])],
     "behind a logger's time": [f"[12:00:00] {line}" for row in ROWS for line in (rmc(row), gga(row))],
+    "with the date of another second": [line for row in ROWS for line in (gga(row), ZDA, rmc(row))],
     "without checksums": [line.partition("*")[0] for row in ROWS for line in (rmc(row), gga(row))],
 }
 
