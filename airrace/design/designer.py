@@ -104,6 +104,7 @@ class Designer:
                 "designer": self._name,
                 "revision": track.revision,
                 "digest": track.digest,
+                "digest_of_file": track.digest_of_file,
                 "request": self._request,
                 "name": track.layout.inputs.race.course.name,
                 "file": track.path.name,

@@ -89,6 +89,11 @@ class TrackFile:
         return _digest(self.document.text.encode())
 
     @property
+    def digest_of_file(self) -> str:
+        """The digest of the file as it was last read or written."""
+        return self._digest
+
+    @property
     def unsaved(self) -> bool:
         """Whether the text differs from the one last read or written."""
         return self.document.text != self._saved

@@ -191,3 +191,21 @@ def test_a_picture_that_is_dropped_on_the_plan_lies_below_the_course(desk: Desk,
     desk.page.set_input_files("#upload", tmp_path / "sketch.kml")
     desk.page.wait_for_selector("#told:not([hidden])")
     assert not track.with_name("sketch.kml").exists()
+
+
+HAND_BACK = """async (edited) => {
+  const link = window.designer.link, posted = [], { post } = link;
+  link.post = async (action) => posted.push(action);
+  const offer = { file: "course.unsaved.yaml", differences: [] };
+  const digest = edited ? "another" : link.state.digest_of_file;
+  await link.handBack({ ...link.state, designer: "the next", digest_of_file: digest, offer });
+  link.post = post;
+  return posted;
+}"""
+"""Ends in what the page asks of a designer that was started anew, whose file was edited meanwhile or was not."""
+
+
+def test_a_page_takes_no_offer_over_a_file_that_was_edited_meanwhile(desk: Desk) -> None:
+    desk.settle()
+    assert desk.page.evaluate(HAND_BACK, False) == ["take"]
+    assert desk.page.evaluate(HAND_BACK, True) == []

@@ -233,3 +233,16 @@ def test_no_message_fails_but_with_a_reason_or_makes_the_state_unreadable(still:
                 json.dumps(still.state(), allow_nan=False, ensure_ascii=False).encode()
     assert len(reasons) > len(NASTY)
     assert all(reasons)
+
+
+def test_a_page_is_told_whether_the_file_was_edited_while_there_was_no_designer(still: Designer) -> None:
+    read = still.state()["digest_of_file"]
+    move(still, 430.0)
+    assert still.state()["digest_of_file"] == read
+    with restarted(still) as designer:
+        assert designer.state()["digest_of_file"] == read
+    path = still.track.path
+    path.write_text(path.read_text().replace("north_m: 420", "north_m: 425"))
+    with restarted(still) as designer:
+        assert designer.state()["digest_of_file"] != read
+        assert designer.state()["offer"] is not None

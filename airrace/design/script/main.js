@@ -55,9 +55,12 @@ class Link {
     const before = this.state;
     if (state.designer !== before.designer) {
       this.revision = state.revision;
-      if (state.offer) await this.post("take");
-      if (before.text !== null) await this.post("restore", { text: before.text });
-      state = await this.fetchState();
+      // Where another program has written the file meanwhile, who edits decides what becomes of the offer.
+      if (state.digest_of_file === before.digest_of_file) {
+        if (state.offer) await this.post("take");
+        if (before.text !== null) await this.post("restore", { text: before.text });
+        state = await this.fetchState();
+      }
     }
     const [first] = this.pending;
     // One whose answer was lost was done if the text has changed; a place may be put twice.
