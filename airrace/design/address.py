@@ -51,7 +51,7 @@ class AddressFile:
     def close(self) -> None:
         """Remove the file: the designer ends as it should."""
         if self._file is not None:
-            if fcntl:  # removed while it is locked, so that nobody else holds it then
+            if fcntl:  # removed while it is locked, so that no other process holds it then
                 with suppress(OSError):
                     self._path.unlink()
             self._file.close()

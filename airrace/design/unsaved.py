@@ -55,7 +55,7 @@ class UnsavedCopy:
             self.problem += f"; {error}"
 
     def remove(self) -> None:
-        """Remove the text: it is saved, or nobody wants it."""
+        """Remove the text: it is saved, or discarded."""
         self.path, self.problem, self.left = None, "", None
         self._remove_elsewhere()
         if self._obstacle:

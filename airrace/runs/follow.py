@@ -35,7 +35,7 @@ LINES_MAX = 1000
 WAITING_MAX = 2**20
 """The memory for datagrams that wait while a flight is solved, bytes; the system may allow less."""
 SILENCE = 2.0
-"""The time without a message after which it is told, s."""
+"""The time without a message after which a remark says so, s."""
 DEVIATIONS = {"x": 2.0, "y": 2.0, "z": 2.0, "V_K": 1.0, "q0": 0.03, "q1": 0.03, "q2": 0.03, "q3": 0.03, "n_z": 0.3}
 """How well states of a stream are known: that of a receiver with derived velocities."""
 BACK, AHEAD = 1.0, 4.0
@@ -43,7 +43,7 @@ BACK, AHEAD = 1.0, 4.0
 LINE_STEP = 0.25
 """The time between two places of the line, s."""
 CUES_MAX = 2
-"""The number of cues that are told ahead."""
+"""The number of cues ahead that an answer holds."""
 OFF_COURSE = 300.0
 """The distance from the optimum beyond which no guidance is given, m."""
 ROUNDING = 1e-6

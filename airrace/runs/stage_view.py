@@ -244,7 +244,7 @@ class StageView:
         """Return what the pilot does, leg by leg, as `airrace brief` prints it.
 
         Args:
-            lateness: whether the price of lateness of every cue is told; each is solved twice.
+            lateness: whether every cue has its price of lateness; each is solved twice.
 
         Raises:
             UsageError: the stage found no flight.

@@ -1,4 +1,4 @@
-"""Documents of XML that nobody vouches for, read element by element."""
+"""Documents of XML from unknown sources, read element by element."""
 
 import codecs
 import re

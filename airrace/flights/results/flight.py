@@ -170,7 +170,7 @@ class Source:
         failed: the items of its certificate that fail, or what else speaks against it.
         pilot: whose limits the pilot of an optimum keeps to; empty for what is no optimum.
         reserve: what was asked of an optimum in disturbances; None for nothing.
-        begins: when the flight's clock starts; None where nobody knows, as of an optimum.
+        begins: when the flight's clock starts; None where it is unknown, as of an optimum.
     """
 
     label: str
