@@ -6,6 +6,7 @@ the time that h5py's objects take.
 """
 
 import contextlib
+import functools
 import math
 import re
 from collections.abc import Collection, Generator, Iterable, Mapping, Sequence
@@ -77,7 +78,8 @@ class Writer:
         `axis` names the series beside this group that gives the places of the numbers (HDF5: its dimension scale).
         """
         values = _array(kind, value)
-        stored, space = h5py.h5t.py_create(values.dtype, logical=True), h5py.h5s.create_simple(values.shape)
+        stored = _stored_type(values.dtype)
+        space = h5py.h5s.create_simple(values.shape) if values.ndim else SCALAR
         dataset = h5py.h5d.create(self.handle, name.encode("ascii"), stored, space, dcpl=OF_DATASETS)
         dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, values, stored)
         Writer(dataset, f"{self.path}/{name}").attributes(attributes or {})
@@ -92,7 +94,7 @@ class Writer:
         """Write attributes of what the handle is of."""
         for name, value in attributes.items():
             values = _array(type(value), value)
-            stored = h5py.h5t.py_create(values.dtype, logical=True)
+            stored = _stored_type(values.dtype)
             h5py.h5a.create(self.handle, name.encode("ascii"), stored, SCALAR).write(values, stored)
 
     def image(self) -> bytes:
@@ -100,6 +102,12 @@ class Writer:
         file = h5py.h5i.get_file_id(self.handle)
         h5py.h5f.flush(file)
         return bytes(file.get_file_image())
+
+
+@functools.cache
+def _stored_type(dtype: np.dtype[Any]) -> Handle:  # Any: numbers, strings or rows
+    """Return HDF5's type for numpy's, made once: making it takes as long as writing a short series."""
+    return h5py.h5t.py_create(dtype, logical=True)
 
 
 def _array(kind: Kind, value: Any) -> Values:  # Any: as above
