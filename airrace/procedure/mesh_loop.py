@@ -16,7 +16,7 @@ from functools import cached_property, partial
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mesh_refinement import Marks, Mesh, restrict, transfer_multipliers
+from airrace.optimal_control.mesh_refinement import Marks, restrict, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
@@ -263,8 +263,10 @@ class SolvedMesh:
             return None if self.task.goal is MeshGoal.SINGLE else math.nan
         if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
             return coarser.race_time
-        mesh, nodes = optimum.proposal.mesh, optimum.proposal.coarser
-        return race_time_on_coarser_mesh(self.session, self.stage_problem, mesh, optimum.iterate, nodes)
+        multipliers, nodes = self.solution.multipliers, optimum.proposal.coarser
+        return race_time_on_coarser_mesh(
+            self.session, self.stage_problem, optimum.problem, optimum.iterate, multipliers, nodes
+        )
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -376,19 +378,31 @@ def solve_on_mesh(
 
 
 def race_time_on_coarser_mesh(
-    session: SolverSession, stage_problem: StageProblem, mesh: Mesh, iterate: Iterate, nodes: Marks
+    session: SolverSession,
+    stage_problem: StageProblem,
+    problem: Problem,
+    iterate: Iterate,
+    multipliers: Multipliers,
+    nodes: Marks,
 ) -> float:
     """Return the race time of the optimum on a coarser mesh, solved for from an optimum, s; NaN if there is none.
 
     Args:
         session: solves.
         stage_problem: the problem of the stage.
-        mesh, iterate: of the optimum.
+        problem, iterate, multipliers: of the optimum.
         nodes: which nodes the coarser mesh has; shape (N + 1,).
     """
-    coarse_mesh, guess = restrict(mesh, iterate, nodes)
-    problem, barrier = stage_problem.problem(coarse_mesh), InitialBarrier.COARSER_MESH
-    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, reference_only=True)
+    mesh, guess = restrict(problem.mesh, iterate, nodes)
+    coarser = stage_problem.problem(mesh)
+    solution = session.solve(
+        coarser,
+        guess,
+        "half of the intervals",
+        barrier=InitialBarrier.COARSER_MESH,
+        reference_only=True,
+        multipliers=carry_multipliers(multipliers, problem, coarser),
+    )
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
 
 

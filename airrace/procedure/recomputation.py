@@ -19,7 +19,9 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import Marks
 from airrace.optimal_control.optimality import kkt_error
+from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.second_order import judge
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine
@@ -199,7 +201,13 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
             status="",
             kkt_error=error.largest,
             second_order=None if judged is None else judged[0],
-            coarser_race_time=_coarser_race_time(stage_problem, settings, trusted, service),
+            coarser_race_time=_coarser_race_time(
+                SolverSession(service, settings, Silent()),
+                stage_problem,
+                trusted,
+                problem,
+                Multipliers(trusted.multipliers, bound_multipliers),
+            ),
             clearance=clearance_item(
                 stage_problem,
                 problem,
@@ -221,7 +229,11 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
 
 
 def _coarser_race_time(
-    stage_problem: StageProblem, settings: Settings, trusted: TrustedData, service: SolverService
+    session: SolverSession,
+    stage_problem: StageProblem,
+    trusted: TrustedData,
+    problem: Problem,
+    multipliers: Multipliers,
 ) -> float | None:
     """Return the race time of the optimum on the mesh that the result's was divided from, s.
 
@@ -234,5 +246,4 @@ def _coarser_race_time(
     whole = coarser.shape == trajectory.time.shape and bool(coarser[trajectory.first_node].all())
     if not whole or np.diff(np.flatnonzero(coarser)).min(initial=2) < 2:
         return math.nan
-    session = SolverSession(service, settings, Silent())
-    return race_time_on_coarser_mesh(session, stage_problem, mesh_of(trajectory), iterate_of(trajectory), coarser)
+    return race_time_on_coarser_mesh(session, stage_problem, problem, iterate_of(trajectory), multipliers, coarser)
