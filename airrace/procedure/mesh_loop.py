@@ -149,8 +149,8 @@ class MeshTask:
         purpose: what is solved for, a clause; by default a refinement of all phases.
         clearance_rounds: how many solves for violated clearances were made on a mesh that was good already.
         nodes_beside_passings: whether moments abeam shortly before or after a passing have nodes of their own.
-        violating: the optimum whose violated clearance from pylons this solve is to mend; else None.
-        then: the finer mesh that follows whatever this one leads to, and is compared with it; else None.
+        violating_optimum: the optimum whose violated clearance from pylons this solve is to mend; else None.
+        next_task: the finer mesh that follows whatever this one leads to, and is compared with it; else None.
     """
 
     stage_problem: StageProblem
@@ -165,8 +165,8 @@ class MeshTask:
     purpose: str = ""
     clearance_rounds: int = 0
     nodes_beside_passings: bool = False
-    violating: "SolvedMesh | None" = None
-    then: "MeshTask | None" = None
+    violating_optimum: "SolvedMesh | None" = None
+    next_task: "MeshTask | None" = None
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ class SolvedMesh:
         limits, pylons = self.session.settings.certificate, self.pylons
         if pylons is None or self.task.clearance_rounds >= CLEARANCE_ROUNDS_MAX:
             return False
-        before = self.task.violating and self.task.violating.pylons
+        before = self.task.violating_optimum and self.task.violating_optimum.pylons
         excess = pylons.is_excessive and (before is None or pylons.excess < EXCESS_LEFT_MAX * before.excess)
         drifts = self.nodes_beside_passings and not self.task.nodes_beside_passings
         return pylons.violation > share * limits.gate_length or excess or drifts
@@ -330,9 +330,9 @@ def refine(
     while True:
         solved = solve_on_mesh(session, start, task, iterations_max)
         if isinstance(solved, Failure):
-            if task.violating is None:
+            if task.violating_optimum is None:
                 return solved
-            return _finish(start, _with_curvature(task.violating))
+            return _finish(start, _with_curvature(task.violating_optimum))
         if solved.optimum.race_time > start.race_time_max or task.number == session.settings.mesh.refinements_max:
             break
         following = decide(solved)
@@ -461,8 +461,8 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
     """
     optimum, task, session, stage_problem = solved.optimum, solved.task, solved.session, solved.stage_problem
     limits, coarser, same_mesh = session.settings.certificate, task.coarser, False
-    if task.then is not None:
-        return replace(task.then, before=optimum, coarser=optimum)
+    if task.next_task is not None:
+        return replace(task.next_task, before=optimum, coarser=optimum)
     if coarser is None:
         proposal = adapt_joining(solved)
         same_mesh = proposal is None and solved.violates_clearance(CLEARANCE_SAFETY)
@@ -497,7 +497,7 @@ def next_until_certified(solved: SolvedMesh) -> MeshTask | None:
         following,
         clearance_rounds=task.clearance_rounds + same_mesh,
         nodes_beside_passings=solved.nodes_beside_passings,
-        violating=solved if same_mesh else None,
+        violating_optimum=solved if same_mesh else None,
     )
 
 
@@ -519,7 +519,7 @@ def _both_meshes_again(solved: SolvedMesh) -> MeshTask:
         number=solved.task.number,
         clearance_rounds=solved.task.clearance_rounds + 1,
         nodes_beside_passings=solved.nodes_beside_passings,
-        violating=solved,
+        violating_optimum=solved,
     )
     return MeshTask(
         stage_problem,
@@ -530,8 +530,8 @@ def _both_meshes_again(solved: SolvedMesh) -> MeshTask:
         number=-1,
         goal=MeshGoal.REFERENCE,
         purpose="the coarser mesh",
-        violating=solved,
-        then=again,
+        violating_optimum=solved,
+        next_task=again,
     )
 
 

@@ -86,7 +86,7 @@ def next_until_good(solved: SolvedMesh) -> MeshTask | None:
         number=task.number + (not same_mesh),
         clearance_rounds=task.clearance_rounds + same_mesh,
         nodes_beside_passings=solved.nodes_beside_passings,
-        violating=solved if same_mesh else None,
+        violating_optimum=solved if same_mesh else None,
         before=optimum,
         goal=_goal(session, task.number + 1) if better else MeshGoal.SINGLE,
     )
