@@ -28,6 +28,11 @@ const BANDS = 5; // of colour, from the ground to the top
 const ROUND = 24; // corners of a circle around people
 const FENCE = 30; // m, the height at which airspace and safety lines are drawn
 
+/** The radius of a pylon at a height, m. */
+export function radiusOf(height, top) {
+  return FOOT + (TOP - FOOT) * Math.min(Math.max(height / top, 0), 1);
+}
+
 /** All of the course as a group; `labels` are what is to be named in it, `standing` casts shadows, `restyle()` repaints. */
 export function courseOf(course, units) {
   const group = new Group();
@@ -62,9 +67,8 @@ function addElement(element, add, labels) {
 /** An inflated pylon: a cone in bands of white and red. */
 function addPylon(foot, top, add) {
   for (let band = 0; band < BANDS; band += 1) {
-    const radius = (share) => FOOT + (TOP - FOOT) * share;
     const [low, high] = [band / BANDS, (band + 1) / BANDS];
-    const geometry = new CylinderGeometry(radius(high), radius(low), top / BANDS, 16, 1, band < BANDS - 1);
+    const geometry = new CylinderGeometry(radiusOf(high * top, top), radiusOf(low * top, top), top / BANDS, 16, 1, band < BANDS - 1);
     const mesh = new Mesh(geometry, new MeshLambertMaterial());
     mesh.position.set(foot.x, top * (low + high) * 0.5, foot.z);
     add(mesh, band % 2 ? "pylon-band" : "pylon", true);

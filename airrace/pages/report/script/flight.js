@@ -109,6 +109,12 @@ const FACES = 14; // faces around the fuselage
 const EYE = [-0.75, 0, -0.9]; // m, the pilot's
 const PAINT = { body: "#173f86", wing: "#f7f8fa", mark: "#ef6a1a", glass: "#1d2b38", dark: "#2a2f36" };
 
+/** The nose, the tail, the tips of the wings and the fin, and the wheels of an aircraft of a span, in body axes, m. */
+export function extremitiesOf(span) {
+  const points = [[2.05, 0, 0], [-4.15, 0, 0], [0.1, -3.715, 0], [0.1, 3.715, 0], [-3.6, 0, -1.4], [0.7, 0, 1.25]];
+  return points.map((point) => new Vector3(...point).multiplyScalar(span / SPAN));
+}
+
 // Fuselage: distance to the nose, half width, half height, height of the middle (down is positive), m.
 const FUSELAGE = [
   [2.05, 0.05, 0.05, 0.0],

@@ -14,9 +14,10 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { Chase, Cockpit, Director, Orbit, Parallel, Television } from "./cameras.js";
+import { Chase, Cockpit, Orbit, Parallel } from "./cameras.js";
 import { watchGestures } from "./controls.js";
 import { courseOf } from "./course.js";
+import { Director, Television } from "./director.js";
 import { aircraftOf, envelopeOf, placed, ribbonOf } from "./flight.js";
 import { groundOf, shadowOf } from "./ground.js";
 import { roundStep, tagColour, themed, written } from "./values.js";
@@ -48,8 +49,8 @@ export class RaceScene {
     const lead = this.actors[0];
     const parallel = ["above", "side"].map((name) => new Parallel(name, points));
     const [chase, cockpit] = [new Chase(lead.flight), new Cockpit(lead.flight, lead.model)];
-    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun);
-    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director, chase, cockpit)];
+    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun, chase);
+    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director)];
     this.views = new Map(views.map((view) => [view.name, view]));
     this.view = views[0];
     this.enlarged = 1;
