@@ -56,12 +56,12 @@ def resume(
     from airrace.errors import UsageError
 
     command_result.fields = empty_result(None)
-    options = function.keywords
-    changes = any(options[name] for name in ("set", "track", "aircraft", "settings"))
-    if changes and options["output"] is None:
-        run = options["run"]
+    arguments = function.keywords
+    changes = any(arguments[name] for name in ("set", "track", "aircraft", "settings"))
+    if changes and arguments["output"] is None:
+        run = arguments["run"]
         raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --output NEW.h5")
-    if not changes and (options["output"] is not None or options["force"]):
+    if not changes and (arguments["output"] is not None or arguments["force"]):
         raise UsageError("--output and --force belong to a changed run: say with --set, --track, ... what changes")
     _fly(command_result, function, stages=stages, routes=routes, certificate=certificate, every=all_)
 

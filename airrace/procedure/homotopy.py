@@ -163,7 +163,7 @@ class _Homotopy:
     def __init__(
         self, stage_problem: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None
     ) -> None:
-        self.flight = stage_problem
+        self.stage_problem = stage_problem
         self.session = session
         self.test_infeasibility = test_infeasibility
         self.tested_phases: set[int] = set()
@@ -187,7 +187,7 @@ class _Homotopy:
                 skipped += [self.race.phases[phase].name for phase in group]
                 self.pieces.append(phase_piece(self.planned, self.race, index))
         result = conclude(
-            self.flight,
+            self.stage_problem,
             self.session,
             self.race,
             concatenate(self.pieces),
@@ -199,7 +199,7 @@ class _Homotopy:
 
     def _place(self, group: Sequence[int]) -> Sequence[Passage]:
         """Return the passages of some phases, which are equal on all laps."""
-        waypoints = self.flight.plan.waypoints[group[0] : group[-1] + 2]
+        waypoints = self.stage_problem.plan.waypoints[group[0] : group[-1] + 2]
         return [dataclasses.replace(waypoint.passage, name="", lap=0) for waypoint in waypoints]
 
     def _groups(self) -> list[list[int]]:
@@ -210,7 +210,7 @@ class _Homotopy:
         groups: list[list[int]] = [[]]
         for index in range(len(self.mesh)):
             groups[-1].append(index)
-            if not self.flight.plan.waypoints[index + 1].free:
+            if not self.stage_problem.plan.waypoints[index + 1].free:
                 groups.append([])
         return [group for group in groups if group]
 
@@ -238,7 +238,7 @@ class _Homotopy:
 
         A step that gets too small ends the attempt.
         """
-        family = phase_homotopy(self.flight.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
+        family = phase_homotopy(self.stage_problem.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
         fractions = self.mesh[index]
         part, step = family.first, 1.0
         reached = self._member(first, index, family, part, family.guess(part, fractions))
@@ -268,7 +268,7 @@ class _Homotopy:
 
         It fails, too, where the solution has left the family: it takes much longer than planned, for a needless loop.
         """
-        target = piece_boundary(family.target(part), self.flight.observation)
+        target = piece_boundary(family.target(part), self.stage_problem.observation)
         end = dataclasses.replace(self.race.phases[index], end=target)
         # On the way to the real phase its lines and its crowd stand at places that mean nothing yet, and its end is a
         # place and an attitude of the plan, whatever pylons stand there.
@@ -278,7 +278,7 @@ class _Homotopy:
                 end, path_constraints=tuple(c for c in end.path_constraints if part == 1.0 and c.at is None)
             ),
         ]
-        begin = self.race.start if first == 0 else fixed_state(self.flight, self.pieces[first].state[:, 0])
+        begin = self.race.start if first == 0 else fixed_state(self.stage_problem, self.pieces[first].state[:, 0])
         problem = dataclasses.replace(self.race, start=begin, phases=tuple(phases))
         start = concatenate([*(self.pieces[first:] if before is None else before), last])
         purpose = f"{self.race.phases[index].name}, part {part:g}"

@@ -114,12 +114,12 @@ def _formulate(stage: Stage, race: Race, settings: Settings, plan: Plan) -> Stag
 
 def _as_guess(point_mass: Future[StageProblem], fidelity: Fidelity, race: Race) -> StageProblem:
     """Return the point mass as the stage that only guesses its flight: without the limits of a pilot."""
-    flight = point_mass.result()
+    stage_problem = point_mass.result()
     with SYMBOLS:
-        return dataclasses.replace(without_pilot_limits(flight, race), fidelity=fidelity)
+        return dataclasses.replace(without_pilot_limits(stage_problem, race), fidelity=fidelity)
 
 
 def _simulator(problem: Future[StageProblem]) -> TrackingSimulator:
-    flight = problem.result()
+    stage_problem = problem.result()
     with SYMBOLS:
-        return tracking_simulator(flight.model, flight.fidelity.controller())
+        return tracking_simulator(stage_problem.model, stage_problem.fidelity.controller())

@@ -325,15 +325,15 @@ class PerturbedProblem:
     """
 
     def __init__(self, race: Race, stage_problem: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
-        """Begin with a race as its flight states it on a mesh.
+        """Begin with a race as its problem states it on a mesh.
 
         Args:
             race: the solved race.
-            stage_problem: its flight.
+            stage_problem: its problem.
             mesh: the fractions of each phase.
         """
         self.race = race
-        self.flight = stage_problem
+        self.stage_problem = stage_problem
         self._mesh = mesh
 
     @classmethod
@@ -347,18 +347,18 @@ class PerturbedProblem:
         return self.formulation(race).problem(self._mesh)
 
     def formulation(self, race: Race) -> StageProblem:
-        """Return the flight of a race along the plan of the solved race.
+        """Return the problem of a race along the plan of the solved race.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
             OtherStructureError: the race differs in more than numbers.
         """
-        flight, course, original = self.flight, race.course, self.race.course
-        model, constraints = flight.model, flight.path_constraints
+        solved, course, original = self.stage_problem, race.course, self.race.course
+        model, constraints = solved.model, solved.path_constraints
         if _kinds_of_conditions(course) != _kinds_of_conditions(original):
             raise OtherStructureError
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
-            built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
+            built = solved.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
             if _equations(built.system) != _equations(model.system):
                 raise OtherStructureError
             system = dataclasses.replace(
@@ -369,16 +369,16 @@ class PerturbedProblem:
             constraints = path_constraints(course, model.system.states)
         span = race.aircraft.airframe.b
         return dataclasses.replace(
-            flight,
-            plan=with_passages(flight.plan, course),
+            solved,
+            plan=with_passages(solved.plan, course),
             model=model,
             course=course,
-            trim=flight.trim and flight.trim.of_other_numbers(model),
+            trim=solved.trim and solved.trim.of_other_numbers(model),
             path_constraints=constraints,
             aircraft=race.aircraft,
-            clearance=flight.clearance and flight.clearance.of_other_numbers(model, course, span, flight.plan),
-            pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
-            start_airspeed=flight.start_airspeed and flight.start_airspeed.of_other_numbers(race.air),
+            clearance=solved.clearance and solved.clearance.of_other_numbers(model, course, span, solved.plan),
+            pilot=solved.pilot and solved.pilot.of_other_numbers(model, course.rules),
+            start_airspeed=solved.start_airspeed and solved.start_airspeed.of_other_numbers(race.air),
         )
 
 

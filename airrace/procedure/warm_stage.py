@@ -70,9 +70,11 @@ class WarmStage:
         self._service = self._new_service(threads)
         spare, limits = SPARE_SHARE, settings.certificate
         limits = replace(limits, replay=spare * limits.replay, hamiltonian=spare * limits.hamiltonian)
-        self._flight = flight = self._perturbed.flight
+        self._stage_problem = stage_problem = self._perturbed.stage_problem
         try:
-            resolved = self._solve(flight, flight, optimum, replace(self._settings, certificate=limits), coarse=True)
+            resolved = self._solve(
+                stage_problem, stage_problem, optimum, replace(self._settings, certificate=limits), coarse=True
+            )
         except BaseException:
             self.close()
             raise
@@ -95,7 +97,7 @@ class WarmStage:
             UsageError: the race has other passings.
             SolverCrash: the solver process died.
         """
-        optimum, before = start or self.optimum, self._perturbed.flight
+        optimum, before = start or self.optimum, self._perturbed.stage_problem
         return self._solve(before, self._formulation(race, optimum), optimum, self._settings)
 
     def from_state(
@@ -115,18 +117,18 @@ class WarmStage:
 
         It returns the optimum certified, and as it was where that fails.
         """
-        flight = self._formulation(race, solved).with_conditions(solved.pylon_conditions)
+        stage_problem = self._formulation(race, solved).with_conditions(solved.pylon_conditions)
 
         def check() -> StageResult:
             with closing(self._session(self._settings, self._checker)) as session:
-                checked = solve_on_second_mesh(flight, solved, session)
+                checked = solve_on_second_mesh(stage_problem, solved, session)
             return checked if isinstance(checked, StageResult) else solved
 
         return check
 
     @cached_property
     def _rest(self) -> CostToGo:
-        return CostToGo(self._flight, self.optimum)
+        return CostToGo(self._stage_problem, self.optimum)
 
     @cached_property
     def _checker(self) -> SolverService:
@@ -164,15 +166,15 @@ class WarmStage:
         coarse: bool = False,
     ) -> StageResult:
         """Solve a flight from the optimum of another one, by choice on the mesh from which its own was divided."""
-        source, flight = (problem.with_conditions(optimum.pylon_conditions) for problem in (before, after))
+        source, target = (problem.with_conditions(optimum.pylon_conditions) for problem in (before, after))
         mesh, guess = coarse_mesh(optimum) if coarse else (mesh_of(optimum.trajectory), iterate_of(optimum.trajectory))
         multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
         whole = source.problem(mesh_of(optimum.trajectory))
         layout, start_multipliers = Layout(whole), None  # multipliers of another shape belong to other limits
         if multipliers.constraints.shape == (layout.constraints,) and multipliers.bounds.shape == (layout.unknowns,):
-            start_multipliers = carry_multipliers(multipliers, whole, flight.problem(mesh))
+            start_multipliers = carry_multipliers(multipliers, whole, target.problem(mesh))
         provenance = StageProvenance(source_stage=optimum.stage.value)
-        start = Start(flight, flight.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, start_multipliers)
+        start = Start(target, target.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, start_multipliers)
         with closing(self._session(settings, self._service)) as session:
             return solve_from_starts(session, [lambda: start], solve_single_mesh)
 

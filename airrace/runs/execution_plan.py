@@ -111,7 +111,7 @@ def _file_name(name: str) -> str:
     return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"
 
 
-MESH_CHECK = "settings.mesh_check="
+MESH_CHECK_OVERRIDE = "settings.mesh_check="
 """The prefix of an override that says which stages have a mesh check."""
 
 
@@ -410,8 +410,8 @@ def _with_mesh_check(run: RunState, mesh_check: MeshCheck | str) -> RunState:
     stored_inputs = run.checkpoint.inputs
     mesh_check_text = mesh_check.value if isinstance(mesh_check, MeshCheck) else mesh_check
     overrides = (
-        *(text for text in stored_inputs.overrides if not text.startswith(MESH_CHECK)),
-        f"{MESH_CHECK}{mesh_check_text}",
+        *(text for text in stored_inputs.overrides if not text.startswith(MESH_CHECK_OVERRIDE)),
+        f"{MESH_CHECK_OVERRIDE}{mesh_check_text}",
     )
     return run.with_inputs(inputs_from_documents(*stored_documents(stored_inputs), overrides))
 

@@ -60,7 +60,7 @@ def lateness_prices(
     if not result.holds:
         raise NotCertified(f"{result.stage.value}: only a certified or solved stage has prices of lateness")
     perturbed = PerturbedProblem.of_result(race, settings, result)
-    rest, trajectory = CostToGo(perturbed.flight, result), result.trajectory
+    rest, trajectory = CostToGo(perturbed.stage_problem, result), result.trajectory
     pilot = _Pilot(perturbed.problem(race), iterate_of(trajectory), trajectory.time, trajectory.first_node)
     with (
         SolverService(stall_seconds=settings.solver.stall_seconds) as service,

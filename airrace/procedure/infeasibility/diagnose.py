@@ -238,15 +238,15 @@ class Trials:
 
 
 def _start_near(race: Race, near: Relaxed) -> Start:
-    flight = near.solver.flight(race)
-    return Start(flight, flight.problem(near.solver.mesh), near.flight, InitialBarrier.PIECES)
+    stage_problem = near.solver.formulation(race)
+    return Start(stage_problem, stage_problem.problem(near.solver.mesh), near.flight, InitialBarrier.PIECES)
 
 
 def _start_on(race: Race, near: Relaxed, mesh: Mesh, iterate: Iterate) -> Start:
     """Return a start from a flight of almost the same race, on a mesh as fine as that of the relaxed one."""
-    flight = near.solver.flight(race)
+    stage_problem = near.solver.formulation(race)
     coarse, iterate = resample(mesh, iterate, [len(phase) for phase in near.solver.mesh])
-    return Start(flight, flight.problem(coarse), iterate, InitialBarrier.PIECES)
+    return Start(stage_problem, stage_problem.problem(coarse), iterate, InitialBarrier.PIECES)
 
 
 @dataclasses.dataclass(frozen=True)

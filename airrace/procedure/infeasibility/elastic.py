@@ -96,8 +96,8 @@ class ElasticSolver:
         self.mesh = mesh
         self._perturbed = PerturbedProblem(race, stage_problem, mesh)
 
-    def flight(self, race: Race) -> StageProblem:
-        """Return the flight of a race that differs in numbers, along the same plan."""
+    def formulation(self, race: Race) -> StageProblem:
+        """Return the problem of a race that differs in numbers, along the same plan."""
         return self._perturbed.formulation(race)
 
     def solve_all(

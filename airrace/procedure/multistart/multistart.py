@@ -46,7 +46,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, load_factors_along, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 
-ELITE_LAG = 0.4
+COMPARED_LAG = 0.4
 """Largest lag behind the best flight with which a flight is compared again, s."""
 INTERVAL_SECONDS = 0.15
 """Approximate length of an interval of the mesh on which flights are compared, s. On one of 0.22 s rolls are misjudged
@@ -108,10 +108,10 @@ def search_routes(
     with session.pool() as pool:
         search = Search(stage_problem, course, budget, pool, report_progress)
         starts = planned_starts(stage_problem, course, budget) if starts is None else starts
-        elite = _elite(search.run(starts, solved).flights, course, max(budget.elite, alternatives))
-        if elite:
-            report_progress(f"{len(elite)} route{'s' * (len(elite) > 1)} compared on a finer mesh")
-        finals = _distinct(_refine(pool, session, elite), course)
+        fastest = _fastest(search.run(starts, solved).flights, course, max(budget.compared_max, alternatives))
+        if fastest:
+            report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
+        finals = _distinct(_refine(pool, session, fastest), course)
         finals = _distinct(_with_best_rolls(search, finals), course)
         result = search.result()
     seconds = time.perf_counter() - began
@@ -124,16 +124,10 @@ def search_routes(
 
     barrier = InitialBarrier.COARSE
     routes = tuple(
-        Start(
-            stage_problem.stage_problem,
-            stage_problem.problem,
-            stage_problem.iterate,
-            barrier,
-            multipliers=stage_problem.multipliers,
-        )
-        for stage_problem in finals
+        Start(flight.stage_problem, flight.problem, flight.iterate, barrier, multipliers=flight.multipliers)
+        for flight in finals
     )
-    return FoundRoutes(routes, search_report, sum(_is_near(stage_problem, finals[0]) for stage_problem in finals))
+    return FoundRoutes(routes, search_report, sum(_is_near(flight, finals[0]) for flight in finals))
 
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
@@ -142,9 +136,9 @@ def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
     return flight.race_time <= best.race_time + error
 
 
-def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
+def _fastest(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
     """Return the fastest flights that differ from one another, none of them far behind the best."""
-    near = [flight for flight in flights if flight.race_time <= flights[0].race_time + ELITE_LAG]
+    near = [flight for flight in flights if flight.race_time <= flights[0].race_time + COMPARED_LAG]
     return _distinct(near, course, most)
 
 
@@ -160,9 +154,9 @@ def _distinct(flights: Sequence[CoarseSolution], course: Course, most: int | Non
     return chosen
 
 
-def _refine(pool: SolverPool, session: SolverSession, elite: list[CoarseSolution]) -> list[CoarseSolution]:
+def _refine(pool: SolverPool, session: SolverSession, fastest: list[CoarseSolution]) -> list[CoarseSolution]:
     """Return the flights on the mesh with which their mesh check begins, the fastest first."""
-    finer = pool.work(elite, partial(solve_finer, mesh=session.settings.mesh))
+    finer = pool.work(fastest, partial(solve_finer, mesh=session.settings.mesh))
     return sorted(finer, key=lambda flight: flight.race_time)
 
 

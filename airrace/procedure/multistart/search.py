@@ -66,7 +66,7 @@ class SearchBudget:
         plan_penalty_max: s, by which the plan of a move may take longer than that of the flight.
         iterations: how often the best flight is improved, at most.
         alternatives: how many moves that overlap better ones are solved jointly as well, each for itself.
-        elite: how many flights are compared on the mesh on which the winner's mesh check begins.
+        compared_max: how many flights are compared on the mesh on which the winner's mesh check begins.
         homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
         local: whether the flight is near an optimum. Then a place that several laps pass by the
             same route is tried in the first of them, windows that keep the route are not solved jointly, and other
@@ -79,7 +79,7 @@ class SearchBudget:
     plan_penalty_max: float
     iterations: int
     alternatives: int
-    elite: int
+    compared_max: int
     homotopy: bool
     local: bool = False
 
@@ -91,7 +91,7 @@ QUICK = SearchBudget(
     plan_penalty_max=2.0,
     iterations=3,
     alternatives=1,
-    elite=3,
+    compared_max=3,
     homotopy=False,
 )
 THOROUGH = SearchBudget(
@@ -106,7 +106,7 @@ THOROUGH = SearchBudget(
     plan_penalty_max=6.0,
     iterations=8,
     alternatives=3,
-    elite=4,
+    compared_max=4,
     homotopy=True,
 )
 LOCAL = dataclasses.replace(QUICK, plan_penalty_max=1.5, local=True)

@@ -256,7 +256,7 @@ def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:
     assert {radius.factor for radius in BUDGET.radii if not radius.slower} <= {
         radius.factor for radius in THOROUGH.radii if not radius.slower
     }
-    for name in ("plan_penalty_max", "iterations", "alternatives", "elite"):
+    for name in ("plan_penalty_max", "iterations", "alternatives", "compared_max"):
         assert getattr(THOROUGH, name) >= getattr(BUDGET, name)
 
 
