@@ -13,39 +13,54 @@ CLEAR = 13.0
 """What a camera keeps from every way, m; as in cameras.js."""
 
 
-def test_the_shots_follow_one_another_from_the_start_to_the_finish(laptop: Opened) -> None:
-    shots = laptop.run(
-        "() => airrace.scene.views.get('tv').director.shots.map(({ from, kind }) => [from ?? -1e9, kind])"
+SHAPES = {"16:9": (1280, 720), "9:16": (720, 1280), "1:1": (960, 960)}
+"""Pixels of films, by format."""
+SHORTEST = 2.5
+"""The shortest shot, s."""
+SIDEWAYS = 0.25
+"""The share of the speed from which on a flight has a direction in the picture."""
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_shots_are_long_enough_and_no_cut_jumps_across_the_line_of_flight(laptop: Opened, shape: str) -> None:
+    cuts, duration = laptop.run(
+        """([width, height]) => {
+          const view = airrace.scene.views.get("tv"), [lead] = airrace.flights;
+          const times = view.director.shots(width / height).slice(1).map(({ from }) => from);
+          const at = (time) => view.framing(width, height, time).across;
+          return [times.map((time) => [time, at(time - 1e-6), at(time)]), lead.duration];
+        }""",
+        SHAPES[shape],
     )
-    times = [-1e9 if one is None else one for one, _ in shots]
-    assert times[0] < 0.0
-    assert times[-1] < half_cuban().race_time
-    assert np.diff(times).min() >= 1.4 - 1e-9
-    assert {kind for _, kind in shots} <= {"gate", "aerial", "chase", "seat", "wide"}
-    assert "gate" in {kind for _, kind in shots}
+    times = [0.0, *(time for time, _, _ in cuts), duration]
+    assert np.diff(times).min() >= SHORTEST - 1e-9
+    for _, before, after in cuts:
+        assert before * after > 0.0 or min(abs(before), abs(after)) <= SIDEWAYS
 
 
 @pytest.mark.representative
-def test_the_aircraft_is_in_every_picture_of_the_director_and_no_camera_in_its_way(laptop: Opened) -> None:
-    rows = laptop.run(
-        """() => {
-          const view = airrace.scene.views.get("tv"), [lead] = airrace.flights, rows = [];
-          for (let time = 0; time <= lead.duration; time += 0.1) {
-            view.place(1280, 720, time);
-            if (view.seat) continue;
-            const { camera } = view;
-            camera.updateMatrixWorld(true);
-            const at = lead.position(time).project(camera);
-            const away = airrace.flights.map(one => camera.position.distanceTo(one.position(time)));
-            rows.push([at.x, at.y, at.z, Math.min(...away), camera.position.y]);
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_picture_of_the_director_keeps_the_rules_of_framing(laptop: Opened, shape: str) -> None:
+    pictures = laptop.run(
+        """([width, height]) => {
+          const view = airrace.scene.views.get("tv"), [lead] = airrace.flights, pictures = [];
+          for (let time = 0; time <= lead.duration; time += 0.04) {
+            const near = lead.passings.some((passing) => Math.abs(passing.time - time) <= 0.1);
+            const { size, inside, gate, horizon, hidden, eye } = view.framing(width, height, time);
+            const away = Math.min(...airrace.flights.map((flight) => Math.hypot(
+              ...flight.position(time).toArray().map((coordinate, axis) => coordinate - eye[axis]))));
+            pictures.push([size, inside, gate || horizon, near && hidden, away, eye[1]]);
           }
-          return rows;
-        }"""
+          return pictures;
+        }""",
+        SHAPES[shape],
     )
-    across, down, deep, away, height = np.array(rows).T
-    assert np.abs(across).max() < 0.9
-    assert np.abs(down).max() < 0.9
-    assert np.abs(deep).max() < 1.0
+    size, inside, oriented, hidden, away, height = np.array(pictures, float).T
+    assert size.min() >= 0.06
+    assert size.max() <= 0.25
+    assert inside.all()
+    assert oriented.all()
+    assert not hidden.any()
     assert away.min() > 0.8 * CLEAR
     assert height.min() >= 1.5
 

@@ -54,7 +54,7 @@ const LIKED_IN_TURN = 0.4;
  * @returns `size` of the aircraft in shares of the picture's height; whether it is `inside`; whether the next `gate` and the
  *   `horizon` are seen; `across`: which share of its speed goes to the right.
  */
-export function framingOf(camera, flight, time, edge = 1) {
+function framingOf(camera, flight, time, edge = 1) {
   camera.updateMatrixWorld(true);
   const attitude = flight.attitude(time);
   const middle = flight.position(time);
@@ -80,7 +80,7 @@ export function framingOf(camera, flight, time, edge = 1) {
 }
 
 /** Which rules a picture breaks, by name. */
-export function brokenRules({ size, inside, gate, horizon }, { smallest = SMALLEST, largest = LARGEST } = {}) {
+function brokenRules({ size, inside, gate, horizon }, { smallest = SMALLEST, largest = LARGEST } = {}) {
   const broken = [];
   if (size < smallest) broken.push("small");
   if (size > largest) broken.push("large");
@@ -313,6 +313,15 @@ export class Television {
   place(width, height, time) {
     this.camera.aspect = width / height;
     this.director.shot(time, width / height).place(this.camera, time);
+  }
+
+  /** How a picture of the race keeps the rules: see `framingOf`; with those that it breaks, and whether a pylon hides the aircraft. */
+  framing(width, height, time) {
+    this.place(width, height, time);
+    const [lead] = this.director.flights;
+    const framing = framingOf(this.camera, lead, time);
+    const hidden = this.director.hidden(this.camera.position, lead.position(time));
+    return { ...framing, broken: brokenRules(framing), hidden, eye: this.camera.position.toArray() };
   }
 }
 
