@@ -36,11 +36,13 @@ const OUT = 58; // m, from the aircraft to a camera in the air
 const LOWEST = 3; // m, of any camera above the ground
 const BULK = 0.6; // m, around the middle of the fuselage, that a pylon must not cover
 const PASSING = 0.1; // s around a passing, in which no pylon may stand before the aircraft
-const GLIMPSE = 0.02; // s between instants at which that is looked at
+const GLIMPSE = 0.01; // s between instants at which that is looked at
 
 // Prices by which shots are chosen: what breaks a rule is worse than anything that is a matter of taste.
 const BROKEN = 10; // once, and for every instant
 const JUMP = 20; // across the line of action
+const HIDDEN = 12; // for a shot in which pylons stand before the aircraft all along
+const [SMALL, DISTANT] = [1.5, 0.085]; // for one in which it is smaller than that share of the picture's height all along
 const TWICE = 0.5; // the same kind of shot again
 const TURN = ["aerial", "wide", "aerial", "chase", "beside"]; // kinds between gates that are liked in turn
 const LIKED_IN_TURN = 0.4;
@@ -212,17 +214,20 @@ export class Director {
   priceOf(camera, shot, piece) {
     const [lead] = this.flights;
     const count = Math.max(Math.ceil((piece.to - piece.from) / INSTANT), 2);
-    let broken = 0;
+    let [broken, hidden, distant] = [0, 0, 0];
     const across = [];
     for (let i = 0; i <= count; i += 1) {
       const time = piece.from + ((piece.to - piece.from) * i) / count;
       shot.place(camera, time);
       const framing = framingOf(camera, lead, time, STRICT.edge);
       if (brokenRules(framing, STRICT).length) broken += 1;
+      if (this.hidden(camera.position, lead.position(time))) hidden += 1;
+      if (framing.size < DISTANT) distant += 1;
       across.push(framing.across);
     }
     broken += this.hiddenPassings(camera, shot, piece);
-    const price = shot.taste + (broken ? BROKEN * (1 + broken) : 0);
+    const dull = (HIDDEN * hidden + SMALL * distant) / (count + 1);
+    const price = shot.taste + dull + (broken ? BROKEN * (1 + broken) : 0);
     return { price, begins: across[0], ends: across.at(-1) };
   }
 
