@@ -1,0 +1,498 @@
+"""Handicaps: what the day costs a race against still standard air, in many hours and with the course turned.
+
+    handicap = optimum in the air of the day - optimum in still standard air at the level of the sea
+
+So a time flown without its handicap is what the flight would have taken in still standard air: the pilot's own gap to
+the optimum stays, wind, density and place go. All optima are solved warm from that of one run, and keep its route. The
+interval of a handicap follows from the errors of the wind, to first order, by the multipliers of the day's optimum.
+"""
+
+import cmath
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+from airrace.errors import InputError, NotCertified, UsageError
+from airrace.files.inputs import Document
+from airrace.files.inputs.air import ORIGIN, WIND
+from airrace.files.inputs.weather import Weather
+from airrace.flights.results.stamp import air_text
+from airrace.flights.safety.disturbances import WIND_DIRECTION_ERROR_DEG, WIND_SPEED_ERROR_KT
+from airrace.flights.sensitivity.lagrangian import sensitivities
+from airrace.model.environment import Air, StaticWind
+from airrace.model.parameters import Parameter
+from airrace.optimal_control.quantities import DEGREE, KNOT
+from airrace.pages.views.tables import Cell, Column, Table, Value
+from airrace.procedure.result import Silent
+from airrace.procedure.stage import Stage
+from airrace.race import Race
+from airrace.runs.batch.jobs import sweep_of
+from airrace.runs.execute import execute
+from airrace.runs.execution_plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
+from airrace.runs.flight_sources import open_file, source_of
+from airrace.runs.output import FlightName
+from airrace.runs.run_state import RunState
+from airrace.runs.session import Session
+from airrace.runs.stage_data import stage_sensitivities
+from airrace.runs.stage_view import StageView
+from airrace.runtime.standard_streams import stem_of
+
+STANDARD_AIR = (
+    *(f"{WIND}=null", "environment.thermals=null", "origin.elevation_m=0"),
+    *("environment.temperature_offset_K=0", "environment.pressure_offset_hPa=0"),
+)
+"""What makes the air of a course still standard air at the level of the sea."""
+ROWS_SHOWN = 40
+"""The largest number of handicaps that are shown to people."""
+GATES_SHOWN = 12
+"""The largest number of a gate's numbers that are shown to people."""
+
+
+@dataclass(frozen=True)
+class WindError:
+    """The errors of a wind that 95 % of winds are within: of its speed, kt, and of its direction, deg."""
+
+    speed: float = WIND_SPEED_ERROR_KT
+    direction: float = WIND_DIRECTION_ERROR_DEG
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.speed <= 50.0 and 0.0 <= self.direction <= 180.0):
+            raise UsageError("the errors of a wind are up to 50 kt and up to 180 degrees")
+
+    def of_race_time(self, optimum: StageView) -> float:
+        """Return the error of an optimum's race time, s; NaN where it has no sensitivity to the wind.
+
+        A wind that is slower than the error of its speed may come from anywhere.
+        """
+        race = optimum.inputs.race
+        wind_speed = 0.0 if race.air.wind is None else race.air.wind.speed / KNOT
+        across = wind_speed * self.direction * DEGREE if wind_speed > self.speed else self.speed
+        winds = [
+            Parameter(f"{WIND}.along_kt", 0.0, lambda race, along: _with_wind(race, complex(along, 0.0))),
+            Parameter(f"{WIND}.across_kt", 0.0, lambda race, across: _with_wind(race, complex(0.0, across))),
+        ]
+        try:
+            slopes = [slope.per_unit for slope in sensitivities(winds, race, optimum.inputs.settings, optimum.result)]
+        except NotCertified:
+            return math.nan
+        return math.hypot(slopes[0] * self.speed, slopes[1] * across) if len(slopes) == 2 else math.nan
+
+
+def _with_wind(race: Race, change_kt: complex) -> Race:
+    """Return a race with another wind: so much more along it and from its right, north and east in a calm."""
+    wind = race.air.wind or StaticWind(0.0, 0.0)
+    velocity = cmath.rect(1.0, wind.origin) * (wind.speed + KNOT * change_kt)
+    changed = replace(wind, origin=cmath.phase(velocity), speed=abs(velocity))
+    return replace(race, air=replace(race.air, wind=changed))
+
+
+@dataclass(frozen=True)
+class Handicap:
+    """What an hour's air costs an aircraft.
+
+    Attributes:
+        aircraft: its name.
+        hour: its name; empty where there is only one.
+        heading: by which the course is turned clockwise, deg.
+        air: over the ground; None where the inputs are not valid.
+        race_time: of the optimum in it, s; NaN where there is none.
+        standard: that in still standard air, s; NaN likewise.
+        error: of the handicap by that of the wind, s; NaN where it is not known.
+        message: why there is no optimum; empty where there is.
+    """
+
+    aircraft: str
+    hour: str
+    heading: float
+    air: Air | None
+    race_time: float
+    standard: float
+    error: float
+    message: str = ""
+
+    @property
+    def seconds(self) -> float:
+        """The handicap, s: positive where the day costs time."""
+        return self.race_time - self.standard
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The interval in which it lies by the error of the wind, s."""
+        return self.seconds - self.error, self.seconds + self.error
+
+
+@dataclass(frozen=True)
+class FlightHandicap:
+    """A flight and the handicap of the air in which it was flown; `race_time` is without penalties, s."""
+
+    label: str
+    race_time: float
+    handicap: Handicap
+
+    @property
+    def result(self) -> float:
+        """What it would have taken in still standard air, s."""
+        return self.race_time - self.handicap.seconds
+
+
+@dataclass(frozen=True)
+class GateCost:
+    """A number of a gate by its key, and what a usual step of it costs, s, aircraft by aircraft."""
+
+    key: str
+    step: str
+    costs: tuple[float, ...]
+
+    @property
+    def difference(self) -> float:
+        """The largest cost without the least, s."""
+        return max(self.costs) - min(self.costs)
+
+
+@dataclass(frozen=True)
+class HandicapResult:
+    """The handicaps of a course.
+
+    Attributes:
+        course: its name.
+        stage: the fidelity of all optima.
+        standards: the optima in still standard air, s, by aircraft, that of the run first; NaN where there is none.
+        handicaps: aircraft by aircraft, hour by hour, heading by heading.
+        flights: in the order in which they were named.
+        gates: numbers of the gates, the largest differences between aircraft first.
+    """
+
+    course: str
+    stage: str
+    standards: Mapping[str, float]
+    handicaps: tuple[Handicap, ...]
+    flights: tuple[FlightHandicap, ...] = ()
+    gates: tuple[GateCost, ...] = ()
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """Why optima are missing."""
+        rows = [*self.handicaps, *(flight.handicap for flight in self.flights)]
+        return tuple(place_of(row) + row.message for row in rows if row.message)
+
+    def behind(self, handicap: Handicap) -> float:
+        """Return what an aircraft's optimum is behind the fastest one in the same air, s."""
+        times = [
+            other.race_time
+            for other in self.handicaps
+            if (other.hour, other.heading) == (handicap.hour, handicap.heading) and math.isfinite(other.race_time)
+        ]
+        return handicap.race_time - min(times, default=math.nan)
+
+    def table(self) -> Table:
+        """Return one row per handicap."""
+        several = len(self.standards) > 1
+        columns = (
+            Column("aircraft" if several else "", key="aircraft"),
+            Column("hour" if any(row.hour for row in self.handicaps) else "", key="hour"),
+            Column("turned" if any(row.heading for row in self.handicaps) else "", "deg", "g", key="heading_deg"),
+            Column("air", key="air", wraps=True),
+            *(Column(form=".6g", key=key) for key in ("wind_from_deg", "wind_kt")),
+            Column("optimum", "s", ".3f", key="race_time_s"),
+            *(Column("", form=".3f", key="standard_s"), *HANDICAP),
+            Column("behind" if several else "", "s", ".3f", key="behind_s"),
+            Column(key="message"),
+        )
+        rows: list[list[Cell | Value]] = []
+        for row in self.handicaps:
+            wind = None if row.air is None else row.air.wind
+            origin = None if wind is None else math.degrees(wind.origin) % 360.0
+            speed = None if row.air is None else 0.0 if wind is None else wind.speed / KNOT
+            air = row.message if row.air is None else air_text(row.air)
+            words = [row.aircraft, row.hour, row.heading, air, origin, speed]
+            rows.append([*words, row.race_time, row.standard, *_numbers(row), self.behind(row), row.message])
+        notes = ["handicap: positive where the day costs time; from, to: by the error of the wind"]
+        return Table(f"{self.course}: handicaps against still standard air, {self.stage}", columns, rows, notes)
+
+    def summary(self, name: str, key: str, label: Callable[[Handicap], str | float]) -> Table:
+        """Return the mean, least and largest handicap of every aircraft, by the hour or by the heading.
+
+        Args:
+            name, key: of the column.
+            label: the value of a handicap in it.
+        """
+        groups: dict[tuple[str, str | float], list[float]] = {}
+        for row in self.handicaps:
+            if math.isfinite(row.seconds):
+                groups.setdefault((row.aircraft, label(row)), []).append(row.seconds)
+        several = len(self.standards) > 1
+        columns = [Column("aircraft" if several else "", key="aircraft"), Column(name, form="g", key=key)]
+        columns += [Column(word, "s", "+z.3f", key=f"{word}_s") for word in ("mean", "least", "most")]
+        columns.append(Column("spread", "s", ".3f", key="spread_s"))
+        rows: list[list[Cell | Value]] = []
+        for (aircraft, value), seconds in groups.items():
+            least, most = min(seconds), max(seconds)
+            rows.append([aircraft, value, sum(seconds) / len(seconds), least, most, most - least])
+        notes: list[str] = []
+        if len(rows) > 1 and not several:
+            fastest, evenest = (min(rows, key=lambda row: float(str(row[place]))) for place in (2, 5))
+            notes = [f"fastest: {_text(fastest[1])}", f"most even: {_text(evenest[1])}"]
+        return Table(f"handicaps by {name}", columns, rows, notes)
+
+    def summaries(self) -> Iterator[Table]:
+        """Yield the summaries by heading and by hour, where there are many of either."""
+        if len({row.heading for row in self.handicaps}) > 1:
+            yield self.summary("turned", "heading_deg", lambda row: row.heading)
+        if len({row.hour for row in self.handicaps}) > 1:
+            yield self.summary("hour", "hour", lambda row: row.hour)
+
+    def aircraft_table(self) -> Table:
+        """Return what aircraft are behind the fastest: in still standard air, and the least and most in all airs."""
+        columns = [Column("aircraft", key="aircraft")]
+        for name in ("standard", "behind", "least", "most"):
+            columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
+        rows: list[list[Cell | Value]] = []
+        fastest = min((time for time in self.standards.values() if math.isfinite(time)), default=math.nan)
+        for name, standard in self.standards.items():
+            behind = [standard - fastest, *(self.behind(row) for row in self.handicaps if row.aircraft == name)]
+            known = [seconds for seconds in behind if math.isfinite(seconds)] or [math.nan]
+            rows.append([name, standard, behind[0], min(known), max(known)])
+        notes = ["behind: the fastest aircraft, in still standard air; least, most: in all airs"]
+        return Table("aircraft in still standard air", columns, rows, notes if len(rows) > 1 else ())
+
+    def gate_table(self) -> Table:
+        """Return what steps of the gates' numbers cost every aircraft."""
+        names = list(self.standards)
+        columns = (
+            *(Column("number", key="key"), Column("step", key="step")),
+            *(Column(name, "ms", "+z.2f", key=f"{name}_ms") for name in names),
+            *(Column("favours", key="favours"), Column("by", "ms", ".2f", key="by_ms")),
+        )
+        rows: list[list[Cell | Value]] = []
+        for gate in self.gates:
+            favoured = names[gate.costs.index(min(gate.costs))]
+            rows.append([gate.key, gate.step, *(1e3 * cost for cost in gate.costs), favoured, 1e3 * gate.difference])
+        notes = ["a step the other way costs the opposite, and favours another"]
+        return Table("what a step of a gate costs, and whom it favours", columns, rows, notes)
+
+    def flight_table(self) -> Table:
+        """Return the flights without their handicaps."""
+        columns = [Column("flight", key="flight"), Column("aircraft", key="aircraft")]
+        columns += [Column("flown", "s", ".3f", key="flown_s"), *HANDICAP, Column("result", "s", ".3f", key="result_s")]
+        rows: list[list[Cell | Value]] = []
+        for flight in self.flights:
+            row = flight.handicap
+            rows.append([flight.label, row.aircraft, flight.race_time, *_numbers(row), flight.result])
+        return Table("flights", columns, rows, ["result: flown without the handicap; penalties are not in it"])
+
+    def tables(self) -> Iterator[Table]:
+        """Yield the tables that there is something in, as people read them."""
+        summaries, table = list(self.summaries()), self.table()
+        if len(summaries) < 2:
+            left = len(table.rows) - ROWS_SHOWN
+            more = (f"{left} more; --output writes all",) if left > 0 else ()
+            yield replace(table, rows=table.rows[:ROWS_SHOWN], notes=(*table.notes, *more))
+        yield from summaries
+        yield self.aircraft_table()
+        if self.gates:
+            gates = self.gate_table()
+            yield replace(gates, rows=gates.rows[:GATES_SHOWN])
+        if self.flights:
+            yield self.flight_table()
+
+    def as_object(self) -> dict[str, object]:
+        """Return it for JSON: null where nothing is known."""
+        return {
+            "course": self.course,
+            "stage": self.stage,
+            "handicaps": self.table().objects(),
+            "summaries": [table.objects() for table in self.summaries()],
+            "aircraft": self.aircraft_table().objects(),
+            "gates": self.gate_table().objects(),
+            "flights": self.flight_table().objects(),
+            "messages": list(self.messages),
+        }
+
+
+HANDICAP = (
+    Column("handicap", "s", "+z.3f", key="handicap_s"),
+    *(Column("from", "s", "+z.3f", key="from_s"), Column("to", "s", "+z.3f", key="to_s")),
+)
+
+
+def _numbers(handicap: Handicap) -> tuple[float, float, float]:
+    return (handicap.seconds, *handicap.interval)
+
+
+def _text(value: Cell | Value) -> str:
+    return f"turned by {value:g} deg" if isinstance(value, float) else str(value)
+
+
+def place_of(handicap: Handicap) -> str:
+    """Return where a message belongs."""
+    turned = f"turned by {handicap.heading:g} deg" if handicap.heading else ""
+    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, turned))) + ": "
+
+
+def headings_of(text: str | None) -> list[float]:
+    """Return the angles in degrees of a list and ranges, such as `0:360:15`.
+
+    Raises:
+        UsageError: it is none.
+    """
+    try:
+        return [float(value) for value in sweep_of("heading_deg", (text or "0").split(",")).values]
+    except ValueError as error:
+        raise UsageError(f"--headings {text}: {error}; expected degrees such as 0:360:15, or 0,30,60") from error
+
+
+@dataclass(frozen=True)
+class HandicapSolver:
+    """A solver of handicaps by warm sessions.
+
+    Attributes:
+        stage: of all optima.
+        overrides: values that are otherwise than in the runs.
+        wind_error: of all winds.
+        threads: that evaluate derivatives.
+        tell: hears of every optimum, in words.
+    """
+
+    stage: Stage
+    overrides: Sequence[str]
+    wind_error: WindError
+    threads: int
+    tell: Callable[[str], None]
+
+    def execute(self, plan: ExecutionPlan, label: str) -> RunState:
+        """Return a run with all stages up to that of the optima."""
+        self.tell(f"{label}: solving {self.stage.value}")
+        run = plan.run
+        for state in execute(plan, threads=self.threads, progress=Silent()):
+            run = state
+        return run
+
+    def solve(
+        self, run: RunState, hours: Sequence[Weather], headings: Sequence[float]
+    ) -> tuple[StageView, list[Handicap]]:
+        """Return the optimum of a run in still standard air, and its handicaps hour by hour, heading by heading.
+
+        Every optimum is solved from that of the run, so that none depends on which others are asked for.
+        """
+        aircraft, handicaps = name_of_aircraft(run), list[Handicap]()
+        course_air = Changes(overrides=self.overrides).inputs(run).race.air
+        with Session(run, self.stage, threads=self.threads) as session:
+            standard = session.solve([*self.overrides, *STANDARD_AIR])
+            standard_time = standard.race_time if standard.result.holds else math.nan
+            optima = {standard.inputs.race.air: standard}  # the same air is solved once
+            errors: dict[Air, float] = {}
+            for weather, heading in product(hours, headings):
+                row = Handicap(aircraft, weather.hour, heading, None, math.nan, standard_time, math.nan)
+                texts = [*self.overrides, *weather.overrides(course_air)]
+                try:
+                    row = replace(row, air=Changes(overrides=texts).inputs(run).race.air)
+                    air, turned_texts = _turned(row.air, heading)
+                    if air not in optima:
+                        optima[air] = self._optimum(session, [*texts, *turned_texts], standard)
+                except InputError as error:
+                    handicaps.append(replace(row, message=error.findings[0].message))
+                    continue
+                optimum = optima[air]
+                if not optimum.result.holds:
+                    row = replace(row, message=optimum.message or f"the flight is {optimum.status}")
+                elif math.isnan(standard_time):
+                    row = replace(row, race_time=optimum.race_time, message="there is no flight in still standard air")
+                else:
+                    if air not in errors:
+                        errors[air] = self.wind_error.of_race_time(optimum)
+                    row = replace(row, race_time=optimum.race_time, error=errors[air])
+                handicaps.append(row)
+                if len(hours) * len(headings) > 1:
+                    self.tell(f"{place_of(row)}{row.message or f'{row.seconds:+.3f} s'}")
+        return standard, handicaps
+
+    def _optimum(self, session: Session, texts: Sequence[str], standard: StageView) -> StageView:
+        """Return the optimum under some values; where none is found from the run's, from that in still standard air."""
+        optimum = session.solve(texts)
+        if not optimum.result.holds and standard.result.holds:
+            optimum = session.solve(texts, start=standard)
+        return optimum
+
+    def solve_flight(self, text: str) -> FlightHandicap:
+        """Return a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, with the handicap of the air that it flew in."""
+        name = FlightName.of(text)
+        run_or_log = open_file(name.path)
+        flight = source_of(run_or_log, name.stage).flight()
+        run = run_or_log
+        if not isinstance(run, RunState):
+            run = self.execute(plan_new_run(run.inputs, until=self.stage), text)
+        _, (handicap,) = replace(self, overrides=()).solve(run, [Weather()], [0.0])
+        return FlightHandicap(flight.label, flight.race_time, handicap)
+
+
+def name_of_aircraft(run: RunState) -> str:
+    """Return the name of the file of a run's aircraft."""
+    return stem_of(Path(run.inputs.aircraft.path))
+
+
+def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
+    """Return the air over a course that is turned clockwise, as the course sees it, and what sets it.
+
+    A course that is turned with all that stands around it flies as one that lies still in a wind turned the other way.
+    """
+    wind = air.wind
+    if wind is None or wind.speed == 0.0:
+        return replace(air, wind=None), [f"{WIND}=null"]
+    if not heading:
+        return air, []
+    origin = (math.degrees(wind.origin) - heading) % 360.0
+    return replace(air, wind=replace(wind, origin=math.radians(origin))), [f"{ORIGIN}={origin:.10g}"]
+
+
+def find_handicaps(
+    run: RunState,
+    aircraft: Sequence[str | Path | Document],
+    hours: Sequence[Weather],
+    headings: Sequence[float],
+    flights: Sequence[str],
+    solver: HandicapSolver,
+) -> HandicapResult:
+    """Return the handicaps of a course; see `airrace.handicap`.
+
+    Args:
+        run: whose optimum all others are solved from.
+        aircraft: other aircraft, each of which is flown from that optimum first.
+        hours, headings: all of whose combinations are flown.
+        flights: by name.
+        solver: of the handicaps.
+    """
+    runs = {name_of_aircraft(run): run}
+    for other in aircraft:
+        plan = plan_changed_run(run, Changes(aircraft=other, overrides=solver.overrides), until=solver.stage)
+        name = name_of_aircraft(plan.run)
+        if name in runs:
+            raise UsageError(f"two aircraft have one name, {name}; leave one out, or rename its file")
+        runs[name] = solver.execute(plan, name)
+    standards: dict[str, StageView] = {}
+    handicaps: list[Handicap] = []
+    for name, run_of_aircraft in runs.items():
+        standards[name], rows = solver.solve(run_of_aircraft, hours, headings)
+        handicaps += rows
+    times = {name: view.race_time if view.result.holds else math.nan for name, view in standards.items()}
+    flown = tuple(map(solver.solve_flight, flights))
+    gates = _gate_costs(list(standards.values()))
+    return HandicapResult(run.race.course.name, solver.stage.value, times, tuple(handicaps), flown, gates)
+
+
+def _gate_costs(standards: Sequence[StageView]) -> tuple[GateCost, ...]:
+    """Return what the numbers of the gates cost every aircraft; none where an optimum is missing or stands alone."""
+    if len(standards) < 2:
+        return ()
+    try:
+        tables = [stage_sensitivities(view.inputs, view.result, "track") for view in standards]
+    except NotCertified:
+        return ()
+    gates: list[GateCost] = []
+    for key, sensitivity in tables[0].items():
+        if key.startswith("gates.") and all(key in table for table in tables):
+            step = f"+{sensitivity.usual_step:.3g}" + ("" if sensitivity.unit == "1" else f" {sensitivity.unit}")
+            costs = tuple(table[key].per_unit * sensitivity.usual_step for table in tables)
+            gates.append(GateCost(key, step, costs))
+    return tuple(sorted(gates, key=lambda gate: gate.difference, reverse=True))
