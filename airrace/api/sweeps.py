@@ -75,7 +75,7 @@ def sweep(
 
 def handicap(
     run: Annotated[
-        Union[options.TrackGiven, "RunState"],
+        Union[str, Path, "RunState"],
         Option(
             "A run, from whose optimum all others are solved; or a course, a file or a name, which is solved first.",
             "RUN.h5|TRACK",
@@ -103,7 +103,7 @@ def handicap(
         str | None, Option("Turn the course clockwise by these angles, e.g. 0:360:15.", "FIRST:LAST:STEP")
     ] = None,
     aircraft: Annotated[
-        Sequence[options.AircraftGiven],
+        Sequence[str | Path],
         Option("Another aircraft to compare, e.g. pc9; as often as you like.", "FILE", completion="configs"),
     ] = (),
     flights: Annotated[
@@ -137,10 +137,11 @@ def handicap(
         SolverCrash: the solver process died.
         StorageError: the system refused to write the file.
     """
+    from airrace.files.inputs import load_inputs
     from airrace.files.inputs.weather import read_hours, weather_named
     from airrace.optimal_control.solvers import start_early
     from airrace.runs.batch.handicap import HandicapSolver, WindError, find_handicaps, headings_of
-    from airrace.runs.execution_plan import document_or_path, plan_new_run, read_inputs, stage_by_name, value_texts
+    from airrace.runs.execution_plan import plan_new_run, stage_by_name, value_texts
     from airrace.runs.output import documents_of, ensure_free, write_text
     from airrace.runs.run_state import RunState, open_run
     from airrace.runtime.process import available_cores
@@ -155,18 +156,17 @@ def handicap(
     plan = None
     if isinstance(run, RunState):
         source = run
-    elif isinstance(run, str | Path) and Path(run).suffix.lower() == ".h5":
+    elif Path(run).suffix.lower() == ".h5":
         source = open_run(Path(run))
     else:
-        plan = plan_new_run(read_inputs(run, set=overrides), until=last)
+        plan = plan_new_run(load_inputs(run, overrides=overrides), until=last)
         source = plan.run
     if output is not None:
         sources = [run, hours, *aircraft, *flights, *documents_of(source.inputs)]
         ensure_free(Path(output), force=force, sources=sources)
     if plan is not None:
         source = solver.execute(plan, source.label)
-    others = [other for other in map(document_or_path, aircraft) if other is not None]
-    result = find_handicaps(source, others, weathers, angles, flights, solver)
+    result = find_handicaps(source, aircraft, weathers, angles, flights, solver)
     if output is not None:
         write_text(Path(output), result.table().csv(".10g"))
     return result

@@ -15,7 +15,6 @@ from itertools import product
 from pathlib import Path
 
 from airrace.errors import InputError, NotCertified, UsageError
-from airrace.files.inputs import Document
 from airrace.files.inputs.air import ORIGIN, WIND
 from airrace.files.inputs.weather import Weather
 from airrace.flights.results.stamp import air_text
@@ -67,7 +66,9 @@ class WindError:
         A wind that is slower than the error of its speed may come from anywhere.
         """
         race = optimum.inputs.race
-        wind_speed = 0.0 if race.air.wind is None else race.air.wind.speed / KNOT
+        wind = race.air.wind or StaticWind(0.0, 0.0)  # a calm that a wind differs from in numbers alone
+        race = replace(race, air=replace(race.air, wind=wind))
+        wind_speed = wind.speed / KNOT
         across = wind_speed * self.direction * DEGREE if wind_speed > self.speed else self.speed
         winds = [
             Parameter(f"{WIND}.along_kt", 0.0, lambda race, along: _with_wind(race, complex(along, 0.0))),
@@ -81,7 +82,7 @@ class WindError:
 
 
 def _with_wind(race: Race, change_kt: complex) -> Race:
-    """Return a race with another wind: so much more along it and from its right, north and east in a calm."""
+    """Return a race whose wind blows otherwise: so much more from where it comes from, and from the right of that."""
     wind = race.air.wind or StaticWind(0.0, 0.0)
     velocity = cmath.rect(1.0, wind.origin) * (wind.speed + KNOT * change_kt)
     changed = replace(wind, origin=cmath.phase(velocity), speed=abs(velocity))
@@ -175,7 +176,7 @@ class HandicapResult:
     def messages(self) -> tuple[str, ...]:
         """Why optima are missing."""
         rows = [*self.handicaps, *(flight.handicap for flight in self.flights)]
-        return tuple(place_of(row) + row.message for row in rows if row.message)
+        return tuple(f"{place_of(row)}: {row.message}" for row in rows if row.message)
 
     def behind(self, handicap: Handicap) -> float:
         """Return what an aircraft's optimum is behind the fastest one in the same air, s."""
@@ -203,45 +204,46 @@ class HandicapResult:
         rows: list[list[Cell | Value]] = []
         for row in self.handicaps:
             wind = None if row.air is None else row.air.wind
-            origin = None if wind is None else math.degrees(wind.origin) % 360.0
+            origin = None if wind is None else round(math.degrees(wind.origin) % 360.0, 9)
             speed = None if row.air is None else 0.0 if wind is None else wind.speed / KNOT
             air = row.message if row.air is None else air_text(row.air)
             words = [row.aircraft, row.hour, row.heading, air, origin, speed]
             rows.append([*words, row.race_time, row.standard, *_numbers(row), self.behind(row), row.message])
         notes = ["handicap: positive where the day costs time; from, to: by the error of the wind"]
+        solved = [row for row in self.handicaps if math.isfinite(row.seconds)]
+        if not several:
+            notes += [f"in still standard air: {time:.3f} s" for time in self.standards.values()]
+            if len(solved) > 1:
+                fastest = min(solved, key=lambda row: row.seconds)
+                notes.append(f"fastest: {place_of(fastest)}, {fastest.seconds:+.3f} s")
         return Table(f"{self.course}: handicaps against still standard air, {self.stage}", columns, rows, notes)
 
-    def summary(self, name: str, key: str, label: Callable[[Handicap], str | float]) -> Table:
-        """Return the mean, least and largest handicap of every aircraft, by the hour or by the heading.
+    def summaries(self) -> Iterator[Table]:
+        """Yield every aircraft's mean, least and largest handicap, by heading and by hour, where there are several of
+        both."""
+        if len({row.heading for row in self.handicaps}) > 1 and len({row.hour for row in self.handicaps}) > 1:
+            heading = Column("turned", "deg", "g", key="heading_deg")
+            yield self._summary("which way the course should lie", heading, lambda row: row.heading)
+            yield self._summary("which hour is best", Column("hour", key="hour"), lambda row: row.hour)
 
-        Args:
-            name, key: of the column.
-            label: the value of a handicap in it.
-        """
+    def _summary(self, title: str, column: Column, label: Callable[[Handicap], str | float]) -> Table:
         groups: dict[tuple[str, str | float], list[float]] = {}
         for row in self.handicaps:
             if math.isfinite(row.seconds):
                 groups.setdefault((row.aircraft, label(row)), []).append(row.seconds)
         several = len(self.standards) > 1
-        columns = [Column("aircraft" if several else "", key="aircraft"), Column(name, form="g", key=key)]
-        columns += [Column(word, "s", "+z.3f", key=f"{word}_s") for word in ("mean", "least", "most")]
+        columns = [Column("aircraft" if several else "", key="aircraft"), column]
+        columns += [Column(name, "s", "+z.3f", key=f"{name}_s") for name in ("mean", "least", "most")]
         columns.append(Column("spread", "s", ".3f", key="spread_s"))
-        rows: list[list[Cell | Value]] = []
-        for (aircraft, value), seconds in groups.items():
-            least, most = min(seconds), max(seconds)
-            rows.append([aircraft, value, sum(seconds) / len(seconds), least, most, most - least])
+        rows = [
+            (aircraft, value, sum(seconds) / len(seconds), min(seconds), max(seconds), max(seconds) - min(seconds))
+            for (aircraft, value), seconds in groups.items()
+        ]
         notes: list[str] = []
-        if len(rows) > 1 and not several:
-            fastest, evenest = (min(rows, key=lambda row: float(str(row[place]))) for place in (2, 5))
-            notes = [f"fastest: {_text(fastest[1])}", f"most even: {_text(evenest[1])}"]
-        return Table(f"handicaps by {name}", columns, rows, notes)
-
-    def summaries(self) -> Iterator[Table]:
-        """Yield the summaries by heading and by hour, where there are many of either."""
-        if len({row.heading for row in self.handicaps}) > 1:
-            yield self.summary("turned", "heading_deg", lambda row: row.heading)
-        if len({row.hour for row in self.handicaps}) > 1:
-            yield self.summary("hour", "hour", lambda row: row.hour)
+        if rows and not several:
+            fastest, evenest = min(rows, key=lambda row: row[2]), min(rows, key=lambda row: row[5])
+            notes = [f"fastest: {column.text(fastest[1])}; most even: {column.text(evenest[1])}"]
+        return Table(title, columns, rows, notes)
 
     def aircraft_table(self) -> Table:
         """Return what aircraft are behind the fastest: in still standard air, and the least and most in all airs."""
@@ -255,7 +257,7 @@ class HandicapResult:
             known = [seconds for seconds in behind if math.isfinite(seconds)] or [math.nan]
             rows.append([name, standard, behind[0], min(known), max(known)])
         notes = ["behind: the fastest aircraft, in still standard air; least, most: in all airs"]
-        return Table("aircraft in still standard air", columns, rows, notes if len(rows) > 1 else ())
+        return Table("aircraft in still standard air", columns, rows, notes)
 
     def gate_table(self) -> Table:
         """Return what steps of the gates' numbers cost every aircraft."""
@@ -285,12 +287,13 @@ class HandicapResult:
     def tables(self) -> Iterator[Table]:
         """Yield the tables that there is something in, as people read them."""
         summaries, table = list(self.summaries()), self.table()
-        if len(summaries) < 2:
+        if not summaries:
             left = len(table.rows) - ROWS_SHOWN
             more = (f"{left} more; --output writes all",) if left > 0 else ()
             yield replace(table, rows=table.rows[:ROWS_SHOWN], notes=(*table.notes, *more))
         yield from summaries
-        yield self.aircraft_table()
+        if len(self.standards) > 1:
+            yield self.aircraft_table()
         if self.gates:
             gates = self.gate_table()
             yield replace(gates, rows=gates.rows[:GATES_SHOWN])
@@ -321,14 +324,10 @@ def _numbers(handicap: Handicap) -> tuple[float, float, float]:
     return (handicap.seconds, *handicap.interval)
 
 
-def _text(value: Cell | Value) -> str:
-    return f"turned by {value:g} deg" if isinstance(value, float) else str(value)
-
-
 def place_of(handicap: Handicap) -> str:
-    """Return where a message belongs."""
+    """Return aircraft, hour and heading of a handicap in words."""
     turned = f"turned by {handicap.heading:g} deg" if handicap.heading else ""
-    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, turned))) + ": "
+    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, turned)))
 
 
 def headings_of(text: str | None) -> list[float]:
@@ -379,16 +378,20 @@ class HandicapSolver:
         aircraft, handicaps = name_of_aircraft(run), list[Handicap]()
         course_air = Changes(overrides=self.overrides).inputs(run).race.air
         with Session(run, self.stage, threads=self.threads) as session:
-            standard = session.solve([*self.overrides, *STANDARD_AIR])
+            own = {} if self.overrides else {run.race.air: session.optimum}
+            standard_texts = [*self.overrides, *STANDARD_AIR]
+            standard_air = Changes(overrides=standard_texts).inputs(run).race.air
+            standard = own.get(standard_air) or session.solve(standard_texts)
             standard_time = standard.race_time if standard.result.holds else math.nan
-            optima = {standard.inputs.race.air: standard}  # the same air is solved once
+            optima = {**own, standard_air: standard}  # the same air is solved once
             errors: dict[Air, float] = {}
             for weather, heading in product(hours, headings):
                 row = Handicap(aircraft, weather.hour, heading, None, math.nan, standard_time, math.nan)
                 texts = [*self.overrides, *weather.overrides(course_air)]
                 try:
-                    row = replace(row, air=Changes(overrides=texts).inputs(run).race.air)
-                    air, turned_texts = _turned(row.air, heading)
+                    ground_air = Changes(overrides=texts).inputs(run).race.air
+                    row = replace(row, air=ground_air)
+                    air, turned_texts = _turned(ground_air, heading)
                     if air not in optima:
                         optima[air] = self._optimum(session, [*texts, *turned_texts], standard)
                 except InputError as error:
@@ -405,7 +408,7 @@ class HandicapSolver:
                     row = replace(row, race_time=optimum.race_time, error=errors[air])
                 handicaps.append(row)
                 if len(hours) * len(headings) > 1:
-                    self.tell(f"{place_of(row)}{row.message or f'{row.seconds:+.3f} s'}")
+                    self.tell(f"{place_of(row)}: {row.message or f'{row.seconds:+z.3f} s'}")
         return standard, handicaps
 
     def _optimum(self, session: Session, texts: Sequence[str], standard: StageView) -> StageView:
@@ -448,7 +451,7 @@ def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
 
 def find_handicaps(
     run: RunState,
-    aircraft: Sequence[str | Path | Document],
+    aircraft: Sequence[str | Path],
     hours: Sequence[Weather],
     headings: Sequence[float],
     flights: Sequence[str],
