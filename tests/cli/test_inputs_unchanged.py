@@ -84,6 +84,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "batch.yaml").write_text("schema: airrace/batch/1\ncourses: [second.yaml]\n")
     shutil.copy(ROOT / "tests" / "flights" / "logs" / "rovinj_2014.csv", folder / "log.csv")
     (folder / "mapping.yaml").write_text("schema: airrace/log/1\n")
+    (folder / "hours.csv").write_text("hour,qnh_hPa\nnoon,1013\n")
     (folder / "places.kml").write_text("<kml/>")
     (folder / "extension.py").write_text("")
     with pytest.MonkeyPatch.context() as patch:

@@ -242,7 +242,8 @@ class HandicapResult:
         notes: list[str] = []
         if rows and not several:
             fastest, evenest = min(rows, key=lambda row: row[2]), min(rows, key=lambda row: row[5])
-            notes = [f"fastest: {column.text(fastest[1])}; most even: {column.text(evenest[1])}"]
+            words = (f"{column.text(row[1])} {column.unit}".strip() for row in (fastest, evenest))
+            notes = ["fastest: {}; most even: {}".format(*words)]
         return Table(title, columns, rows, notes)
 
     def aircraft_table(self) -> Table:

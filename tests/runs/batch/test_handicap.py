@@ -154,7 +154,7 @@ def test_hours_and_headings_tell_the_best_of_both(tmp_path: Path) -> None:
     assert [row["mean_s"] for row in hours.objects()] == pytest.approx(
         [sum(row.seconds for row in result.handicaps[first : first + 2]) / 2 for first in (0, 2)]
     )
-    assert headings.notes == ["fastest: 180; most even: 180"]
+    assert headings.notes == ["fastest: 180 deg; most even: 180 deg"]
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [float(row["handicap_s"]) for row in rows] == pytest.approx([row.seconds for row in result.handicaps])
 
