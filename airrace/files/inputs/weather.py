@@ -2,10 +2,10 @@
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from airrace.errors import Finding, InputError, UsageError
+from airrace.errors import UsageError
 from airrace.files.inputs.air import Wind, overrides_of
 from airrace.flights.logs.recording import refuse
 from airrace.model.environment import LAPSE, P_ISA, PRESSURE_EXPONENT, T_ISA, Air
@@ -65,19 +65,17 @@ def weather_named(wind: str | None, qnh: float | None, temperature: float | None
     Raises:
         UsageError: the wind is none, or a number is out of range.
     """
+    origin, _, speed = (wind or "/").partition("/")
+    if wind is not None and not (origin and speed):
+        raise UsageError(f"--wind {wind}: expected degrees and knots, such as 240/12")
     numbers = {QNH: qnh, TEMPERATURE: temperature}
-    if wind is not None:
-        try:
-            numbers[WIND_FROM], numbers[WIND_SPEED] = map(float, wind.split("/"))
-        except ValueError as error:
-            raise UsageError(f"--wind {wind}: expected degrees and knots, such as 240/12") from error
-    for name, value in numbers.items():
-        low, high = RANGES[name]
-        if value is not None and not low <= value <= high:
-            option = "wind" if name in (WIND_FROM, WIND_SPEED) else name.partition("_")[0]
-            raise UsageError(f"--{option}: {name} must lie between {low:g} and {high:g}, not {value:g}")
-    speed, origin = numbers.get(WIND_SPEED), numbers.get(WIND_FROM)
-    return Weather("", None if speed is None or origin is None else Wind(speed, origin), qnh, temperature)
+    cells = {name: str(value) for name, value in numbers.items() if value is not None}
+    try:
+        return _weather({WIND_FROM: origin, WIND_SPEED: speed, **cells}, Weather())
+    except CellError as error:
+        name, message = error.args
+        option = "wind" if name in (WIND_FROM, WIND_SPEED) else name.partition("_")[0]
+        raise UsageError(f"--{option}: {name}: {message}") from error
 
 
 def read_hours(path: Path, common: Weather) -> list[Weather]:
@@ -90,45 +88,60 @@ def read_hours(path: Path, common: Weather) -> list[Weather]:
     Raises:
         InputError: the file cannot be read, or a row is not valid; it names the line.
     """
+    file = str(path)
     try:
         reader = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is no UTF-8 text"
-        raise InputError([Finding(str(path), 0, 0, "", f"cannot be read: {reason}")]) from error
+        refuse(file, 0, f"cannot be read: {reason}")
     known = ("hour", *RANGES)
     reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
     if "hour" not in reader.fieldnames:
-        refuse(str(path), 1, f"there is no column `hour`; the columns are {', '.join(known)}")
+        refuse(file, 1, f"there is no column `hour`; the columns are {', '.join(known)}")
     if unknown := [name for name in reader.fieldnames if name not in known]:
-        refuse(str(path), 1, f"there is no such column; known are {', '.join(known)}", unknown[0])
-    hours = [_hour(path, reader.line_num, row, common) for row in reader]
+        refuse(file, 1, f"there is no such column; known are {', '.join(known)}", unknown[0])
+    hours: dict[str, Weather] = {}
+    for row in reader:
+        cells = {key: (text or "").strip() for key, text in row.items() if key is not None}
+        hour, line = cells.get("hour", ""), reader.line_num
+        if None in row or not hour:
+            refuse(file, line, "more cells than columns" if None in row else "the hour has no name")
+        if hour in hours:
+            refuse(file, line, f"{hour} stands there twice", "hour")
+        try:
+            hours[hour] = _weather(cells, replace(common, hour=hour))
+        except CellError as error:
+            name, message = error.args
+            refuse(file, line, message, name)
     if not hours:
-        refuse(str(path), 1, "there is no hour in it")
-    names = [weather.hour for weather in hours]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        refuse(str(path), 0, f"{twice} stands there twice", "hour")
-    return hours
+        refuse(file, 1, "there is no hour in it")
+    return list(hours.values())
 
 
-def _hour(path: Path, line: int, row: Mapping[str | None, str | list[str] | None], common: Weather) -> Weather:
-    cells = {str(key): text.strip() for key, text in row.items() if isinstance(text, str)}
-    if None in row or not cells.get("hour"):
-        refuse(str(path), line, "more cells than columns" if None in row else "the hour has no name")
+class CellError(ValueError):
+    """A number of a weather that is not valid: its name, and a clause that says why."""
+
+
+def _weather(cells: Mapping[str, str], common: Weather) -> Weather:
+    """Return the weather of texts by their names; empty ones are those of another weather.
+
+    Raises:
+        CellError: a text is no number, or none in its range.
+    """
     numbers: dict[str, float] = {}
     for name, (low, high) in RANGES.items():
         text = cells.get(name, "")
-        if not text:
-            continue
         try:
-            numbers[name] = float(text)
-        except ValueError:
-            refuse(str(path), line, f"`{text[:40]}` is no number", name)
-        if not low <= numbers[name] <= high:
-            refuse(str(path), line, f"must lie between {low:g} and {high:g}, not {text[:40]}", name)
-    wind = common.wind
-    if WIND_SPEED in numbers and (WIND_FROM in numbers or not numbers[WIND_SPEED]):
-        wind = Wind(numbers[WIND_SPEED], numbers.get(WIND_FROM, 0.0))
-    elif WIND_SPEED in numbers or WIND_FROM in numbers:
-        refuse(str(path), line, f"a wind has both `{WIND_FROM}` and `{WIND_SPEED}`")
-    qnh, temperature = numbers.get(QNH, common.qnh), numbers.get(TEMPERATURE, common.temperature)
-    return Weather(cells["hour"], wind, qnh, temperature)
+            number = float(text or "nan")
+        except ValueError as error:
+            raise CellError(name, f"`{text[:40]}` is no number") from error
+        if text and not low <= number <= high:
+            raise CellError(name, f"must lie between {low:g} and {high:g}, not {text[:40]}")
+        if text:
+            numbers[name] = number
+    wind, speed, origin = common.wind, numbers.get(WIND_SPEED), numbers.get(WIND_FROM)
+    if speed is not None and (origin is not None or speed == 0.0):
+        wind = Wind(speed, origin or 0.0)
+    elif speed is not None or origin is not None:
+        raise CellError(WIND_FROM, f"a wind has both `{WIND_FROM}` and `{WIND_SPEED}`")
+    return Weather(common.hour, wind, numbers.get(QNH, common.qnh), numbers.get(TEMPERATURE, common.temperature))

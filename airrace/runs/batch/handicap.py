@@ -9,7 +9,7 @@ interval of a handicap follows from the errors of the wind, to first order, by t
 
 import cmath
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -34,7 +34,6 @@ from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
 from airrace.runs.run_state import RunState
 from airrace.runs.session import Session
-from airrace.runs.stage_data import stage_sensitivities
 from airrace.runs.stage_view import StageView
 from airrace.runtime.standard_streams import stem_of
 
@@ -45,8 +44,6 @@ STANDARD_AIR = (
 """What makes the air of a course still standard air at the level of the sea."""
 ROWS_SHOWN = 40
 """The largest number of handicaps that are shown to people."""
-GATES_SHOWN = 12
-"""The largest number of a gate's numbers that are shown to people."""
 
 
 @dataclass(frozen=True)
@@ -139,38 +136,24 @@ class FlightHandicap:
 
 
 @dataclass(frozen=True)
-class GateCost:
-    """A number of a gate by its key, and what a usual step of it costs, s, aircraft by aircraft."""
-
-    key: str
-    step: str
-    costs: tuple[float, ...]
-
-    @property
-    def difference(self) -> float:
-        """The largest cost without the least, s."""
-        return max(self.costs) - min(self.costs)
-
-
-@dataclass(frozen=True)
 class HandicapResult:
     """The handicaps of a course.
 
     Attributes:
         course: its name.
         stage: the fidelity of all optima.
-        standards: the optima in still standard air, s, by aircraft, that of the run first; NaN where there is none.
         handicaps: aircraft by aircraft, hour by hour, heading by heading.
         flights: in the order in which they were named.
-        gates: numbers of the gates, the largest differences between aircraft first.
     """
 
     course: str
     stage: str
-    standards: Mapping[str, float]
     handicaps: tuple[Handicap, ...]
     flights: tuple[FlightHandicap, ...] = ()
-    gates: tuple[GateCost, ...] = ()
+
+    @property
+    def _several_aircraft(self) -> bool:
+        return len({row.aircraft for row in self.handicaps}) > 1
 
     @property
     def messages(self) -> tuple[str, ...]:
@@ -189,7 +172,7 @@ class HandicapResult:
 
     def table(self) -> Table:
         """Return one row per handicap."""
-        several = len(self.standards) > 1
+        several = self._several_aircraft
         columns = (
             Column("aircraft" if several else "", key="aircraft"),
             Column("hour" if any(row.hour for row in self.handicaps) else "", key="hour"),
@@ -197,7 +180,8 @@ class HandicapResult:
             Column("air", key="air", wraps=True),
             *(Column(form=".6g", key=key) for key in ("wind_from_deg", "wind_kt")),
             Column("optimum", "s", ".3f", key="race_time_s"),
-            *(Column("", form=".3f", key="standard_s"), *HANDICAP),
+            Column("standard", "s", ".3f", key="standard_s"),
+            *HANDICAP,
             Column("behind" if several else "", "s", ".3f", key="behind_s"),
             Column(key="message"),
         )
@@ -209,13 +193,14 @@ class HandicapResult:
             air = row.message if row.air is None else air_text(row.air)
             words = [row.aircraft, row.hour, row.heading, air, origin, speed]
             rows.append([*words, row.race_time, row.standard, *_numbers(row), self.behind(row), row.message])
-        notes = ["handicap: positive where the day costs time; from, to: by the error of the wind"]
+        notes = [
+            "standard: optimum in still standard air",
+            "handicap: positive where the day costs time; from, to: by the error of the wind",
+        ]
         solved = [row for row in self.handicaps if math.isfinite(row.seconds)]
-        if not several:
-            notes += [f"in still standard air: {time:.3f} s" for time in self.standards.values()]
-            if len(solved) > 1:
-                fastest = min(solved, key=lambda row: row.seconds)
-                notes.append(f"fastest: {place_of(fastest)}, {fastest.seconds:+.3f} s")
+        if len(solved) > 1 and not several:
+            fastest = min(solved, key=lambda row: row.seconds)
+            notes.append(f"fastest: {place_of(fastest)}, {fastest.seconds:+.3f} s")
         return Table(f"{self.course}: handicaps against still standard air, {self.stage}", columns, rows, notes)
 
     def summaries(self) -> Iterator[Table]:
@@ -231,7 +216,7 @@ class HandicapResult:
         for row in self.handicaps:
             if math.isfinite(row.seconds):
                 groups.setdefault((row.aircraft, label(row)), []).append(row.seconds)
-        several = len(self.standards) > 1
+        several = self._several_aircraft
         columns = [Column("aircraft" if several else "", key="aircraft"), column]
         columns += [Column(name, "s", "+z.3f", key=f"{name}_s") for name in ("mean", "least", "most")]
         columns.append(Column("spread", "s", ".3f", key="spread_s"))
@@ -245,35 +230,6 @@ class HandicapResult:
             words = (f"{column.text(row[1])} {column.unit}".strip() for row in (fastest, evenest))
             notes = ["fastest: {}; most even: {}".format(*words)]
         return Table(title, columns, rows, notes)
-
-    def aircraft_table(self) -> Table:
-        """Return what aircraft are behind the fastest: in still standard air, and the least and most in all airs."""
-        columns = [Column("aircraft", key="aircraft")]
-        for name in ("standard", "behind", "least", "most"):
-            columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
-        rows: list[list[Cell | Value]] = []
-        fastest = min((time for time in self.standards.values() if math.isfinite(time)), default=math.nan)
-        for name, standard in self.standards.items():
-            behind = [standard - fastest, *(self.behind(row) for row in self.handicaps if row.aircraft == name)]
-            known = [seconds for seconds in behind if math.isfinite(seconds)] or [math.nan]
-            rows.append([name, standard, behind[0], min(known), max(known)])
-        notes = ["behind: the fastest aircraft, in still standard air; least, most: in all airs"]
-        return Table("aircraft in still standard air", columns, rows, notes)
-
-    def gate_table(self) -> Table:
-        """Return what steps of the gates' numbers cost every aircraft."""
-        names = list(self.standards)
-        columns = (
-            *(Column("number", key="key"), Column("step", key="step")),
-            *(Column(name, "ms", "+z.2f", key=f"{name}_ms") for name in names),
-            *(Column("favours", key="favours"), Column("by", "ms", ".2f", key="by_ms")),
-        )
-        rows: list[list[Cell | Value]] = []
-        for gate in self.gates:
-            favoured = names[gate.costs.index(min(gate.costs))]
-            rows.append([gate.key, gate.step, *(1e3 * cost for cost in gate.costs), favoured, 1e3 * gate.difference])
-        notes = ["a step the other way costs the opposite, and favours another"]
-        return Table("what a step of a gate costs, and whom it favours", columns, rows, notes)
 
     def flight_table(self) -> Table:
         """Return the flights without their handicaps."""
@@ -293,11 +249,6 @@ class HandicapResult:
             more = (f"{left} more; --output writes all",) if left > 0 else ()
             yield replace(table, rows=table.rows[:ROWS_SHOWN], notes=(*table.notes, *more))
         yield from summaries
-        if len(self.standards) > 1:
-            yield self.aircraft_table()
-        if self.gates:
-            gates = self.gate_table()
-            yield replace(gates, rows=gates.rows[:GATES_SHOWN])
         if self.flights:
             yield self.flight_table()
 
@@ -308,8 +259,6 @@ class HandicapResult:
             "stage": self.stage,
             "handicaps": self.table().objects(),
             "summaries": [table.objects() for table in self.summaries()],
-            "aircraft": self.aircraft_table().objects(),
-            "gates": self.gate_table().objects(),
             "flights": self.flight_table().objects(),
             "messages": list(self.messages),
         }
@@ -369,10 +318,8 @@ class HandicapSolver:
             run = state
         return run
 
-    def solve(
-        self, run: RunState, hours: Sequence[Weather], headings: Sequence[float]
-    ) -> tuple[StageView, list[Handicap]]:
-        """Return the optimum of a run in still standard air, and its handicaps hour by hour, heading by heading.
+    def solve(self, run: RunState, hours: Sequence[Weather], headings: Sequence[float]) -> list[Handicap]:
+        """Return the handicaps of a run, hour by hour, heading by heading.
 
         Every optimum is solved from that of the run, so that none depends on which others are asked for.
         """
@@ -410,7 +357,7 @@ class HandicapSolver:
                 handicaps.append(row)
                 if len(hours) * len(headings) > 1:
                     self.tell(f"{place_of(row)}: {row.message or f'{row.seconds:+z.3f} s'}")
-        return standard, handicaps
+        return handicaps
 
     def _optimum(self, session: Session, texts: Sequence[str], standard: StageView) -> StageView:
         """Return the optimum under some values; where none is found from the run's, from that in still standard air."""
@@ -427,7 +374,7 @@ class HandicapSolver:
         run = run_or_log
         if not isinstance(run, RunState):
             run = self.execute(plan_new_run(run.inputs, until=self.stage), text)
-        _, (handicap,) = replace(self, overrides=()).solve(run, [Weather()], [0.0])
+        (handicap,) = replace(self, overrides=()).solve(run, [Weather()], [0.0])
         return FlightHandicap(flight.label, flight.race_time, handicap)
 
 
@@ -474,29 +421,8 @@ def find_handicaps(
         if name in runs:
             raise UsageError(f"two aircraft have one name, {name}; leave one out, or rename its file")
         runs[name] = solver.execute(plan, name)
-    standards: dict[str, StageView] = {}
     handicaps: list[Handicap] = []
-    for name, run_of_aircraft in runs.items():
-        standards[name], rows = solver.solve(run_of_aircraft, hours, headings)
-        handicaps += rows
-    times = {name: view.race_time if view.result.holds else math.nan for name, view in standards.items()}
+    for run_of_aircraft in runs.values():
+        handicaps += solver.solve(run_of_aircraft, hours, headings)
     flown = tuple(map(solver.solve_flight, flights))
-    gates = _gate_costs(list(standards.values()))
-    return HandicapResult(run.race.course.name, solver.stage.value, times, tuple(handicaps), flown, gates)
-
-
-def _gate_costs(standards: Sequence[StageView]) -> tuple[GateCost, ...]:
-    """Return what the numbers of the gates cost every aircraft; none where an optimum is missing or stands alone."""
-    if len(standards) < 2:
-        return ()
-    try:
-        tables = [stage_sensitivities(view.inputs, view.result, "track") for view in standards]
-    except NotCertified:
-        return ()
-    gates: list[GateCost] = []
-    for key, sensitivity in tables[0].items():
-        if key.startswith("gates.") and all(key in table for table in tables):
-            step = f"+{sensitivity.usual_step:.3g}" + ("" if sensitivity.unit == "1" else f" {sensitivity.unit}")
-            costs = tuple(table[key].per_unit * sensitivity.usual_step for table in tables)
-            gates.append(GateCost(key, step, costs))
-    return tuple(sorted(gates, key=lambda gate: gate.difference, reverse=True))
+    return HandicapResult(run.race.course.name, solver.stage.value, tuple(handicaps), flown)

@@ -55,11 +55,13 @@ def test_a_wind_keeps_the_profile_of_the_course_and_what_is_not_told_stays() -> 
 @pytest.mark.parametrize(
     ("wind", "qnh", "celsius", "said"),
     [
+        ("x/5", None, None, "--wind: from_deg: `x` is no number"),
+        ("/5", None, None, "expected degrees and knots"),
         ("24012", None, None, "expected degrees and knots, such as 240/12"),
-        ("240/nan", None, None, "speed_kt must lie between 0 and 100, not nan"),
-        ("400/5", None, None, "from_deg must lie between 0 and 360, not 400"),
-        (None, 29.92, None, "--qnh: qnh_hPa must lie between 914 and 1113, not 29.92"),
-        (None, None, 90.0, "--temperature: temperature_C must lie between -45 and 60, not 90"),
+        ("240/nan", None, None, "--wind: speed_kt: must lie between 0 and 100, not nan"),
+        ("400/5", None, None, "--wind: from_deg: must lie between 0 and 360, not 400"),
+        (None, 29.92, None, "--qnh: qnh_hPa: must lie between 914 and 1113, not 29.92"),
+        (None, None, 90.0, "--temperature: temperature_C: must lie between -45 and 60, not 90"),
     ],
 )
 def test_a_weather_that_is_none_is_refused(wind: str, qnh: float, celsius: float, said: str) -> None:
@@ -87,10 +89,10 @@ def test_hours_take_what_is_not_in_the_file_from_the_options(tmp_path: Path) -> 
         ("hour,qnh_hPa\na,1013\nb,x\n", "3:1: qnh_hPa: `x` is no number"),
         ("hour,qnh_hPa\na,29.92\n", "2:1: qnh_hPa: must lie between 914 and 1113, not 29.92"),
         ("hour,temperature_C\na,nan\n", "2:1: temperature_C: must lie between -45 and 60, not nan"),
-        ("hour,from_deg,speed_kt\na,240,\n", "2:1: a wind has both `from_deg` and `speed_kt`"),
+        ("hour,from_deg,speed_kt\na,240,\n", "2:1: from_deg: a wind has both `from_deg` and `speed_kt`"),
         ("hour,qnh_hPa\na,1013,5\n", "2:1: more cells than columns"),
         ("hour,qnh_hPa\n,1013\n", "2:1: the hour has no name"),
-        ("hour\na\na\n", "hour: a stands there twice"),
+        ("hour\na\na\n", "3:1: hour: a stands there twice"),
     ],
 )
 def test_a_fault_of_a_file_of_hours_is_told_with_its_line(tmp_path: Path, text: str, said: str) -> None:

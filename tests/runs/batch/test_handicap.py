@@ -165,16 +165,14 @@ def row(aircraft: str, seconds: float, hour: str = "", heading: float = 0.0, mes
 
 def test_aircraft_are_behind_the_fastest_in_the_same_air() -> None:
     rows = (row("a", 0.5, "x"), row("a", -1.0, "y"), row("b", 3.2, "x"), row("b", 3.4, "y"))
-    result = HandicapResult("course", "point-mass", {"a": 50.0, "b": 53.0}, rows)
+    result = HandicapResult("course", "point-mass", rows)
     assert [result.behind(row) for row in rows] == pytest.approx([0.0, 0.0, 2.7, 4.4])
-    slow = result.aircraft_table().objects()[1]
-    assert [slow[key] for key in ("behind_s", "least_s", "most_s")] == pytest.approx([3.0, 2.7, 4.4])
     assert "aircraft" in result.table().texts()[0]
 
 
 def test_a_missing_optimum_is_reported_and_left_out() -> None:
     rows = (row("a", math.nan, "x", 30.0, "no flight was found"), row("a", -1.0, "y", 30.0), row("a", 0.0, "z"))
-    result = HandicapResult("course", "point-mass", {"a": 50.0}, rows)
+    result = HandicapResult("course", "point-mass", rows)
     assert result.messages == ("a, x, turned by 30 deg: no flight was found",)
     assert result.as_object()["handicaps"][0]["handicap_s"] is None  # type: ignore[index]
     assert "fastest: a, y, turned by 30 deg, -1.000 s" in result.table().notes
@@ -205,18 +203,14 @@ def test_the_command_compares_aircraft_and_frees_flights_of_their_handicaps(tmp_
     windy().save(flown)
     said = run_command("handicap", str(still), "--aircraft", "pc9", "--wind", "90/10", "--flight", str(flown))
     assert said.code == 0, said.err
-    assert "what a step of a gate costs, and whom it favours" in said.out
     again = run_command("handicap", str(still), "--flight", f"{flown}:point-mass", "--json", "--aircraft", "pc9")
     told = json.loads(again.out)
     (flight,) = told["flights"]
-    standard, other = told["aircraft"]
+    standard, other = told["handicaps"]
     assert flight["result_s"] == pytest.approx(standard["standard_s"], abs=2 * SOLVED_AGAIN)
     assert flight["handicap_s"] == pytest.approx(of(windy()).seconds, abs=1e-6)
     alone = airrace.optimize(COURSE, aircraft="pc9", until="point-mass", search="off")
     assert other["standard_s"] == pytest.approx(alone.race_time, abs=0.02)
-    prices = [dict(gate) for gate in told["gates"]]
-    assert all(gate["by_ms"] == pytest.approx(abs(gate["edge540_ms"] - gate["pc9_ms"])) for gate in prices)
-    assert prices == sorted(prices, key=lambda gate: -gate["by_ms"])
 
 
 @pytest.mark.parametrize(
