@@ -214,19 +214,21 @@ class HandicapResult:
     def _summary(self, title: str, column: Column, label: Callable[[Handicap], str | float]) -> Table:
         groups: dict[tuple[str, str | float], list[float]] = {}
         for row in self.handicaps:
-            if math.isfinite(row.seconds):
-                groups.setdefault((row.aircraft, label(row)), []).append(row.seconds)
+            groups.setdefault((row.aircraft, label(row)), []).append(row.seconds)
         several = self._several_aircraft
         columns = [Column("aircraft" if several else "", key="aircraft"), column]
         columns += [Column(name, "s", "+z.3f", key=f"{name}_s") for name in ("mean", "least", "most")]
         columns.append(Column("spread", "s", ".3f", key="spread_s"))
-        rows = [
-            (aircraft, value, sum(seconds) / len(seconds), min(seconds), max(seconds), max(seconds) - min(seconds))
-            for (aircraft, value), seconds in groups.items()
-        ]
+        rows: list[tuple[str, str | float, float, float, float, float]] = []
+        for (aircraft, value), seconds in groups.items():
+            mean, least, most = sum(seconds) / len(seconds), min(seconds), max(seconds)
+            if math.isnan(mean):  # an optimum is missing, so the others are of other airs than their neighbours'
+                least = most = math.nan
+            rows.append((aircraft, value, mean, least, most, most - least))
         notes: list[str] = []
-        if rows and not several:
-            fastest, evenest = min(rows, key=lambda row: row[2]), min(rows, key=lambda row: row[5])
+        complete = [row for row in rows if math.isfinite(row[2])]
+        if complete and not several:
+            fastest, evenest = min(complete, key=lambda row: row[2]), min(complete, key=lambda row: row[5])
             words = (f"{column.text(row[1])} {column.unit}".strip() for row in (fastest, evenest))
             notes = ["fastest: {}; most even: {}".format(*words)]
         return Table(title, columns, rows, notes)

@@ -178,6 +178,15 @@ def test_a_missing_optimum_is_reported_and_left_out() -> None:
     assert "fastest: a, y, turned by 30 deg, -1.000 s" in result.table().notes
 
 
+def test_headings_that_lack_an_optimum_are_not_compared() -> None:
+    times = {("x", 0.0): 0.1, ("x", 30.0): math.nan, ("y", 0.0): 0.4, ("y", 30.0): -9.0}
+    rows = tuple(row("a", seconds, hour, heading) for (hour, heading), seconds in times.items())
+    headings, hours = HandicapResult("course", "point-mass", rows).summaries()
+    assert [entry["mean_s"] for entry in headings.objects()] == [pytest.approx(0.25), None]
+    assert [entry["spread_s"] for entry in hours.objects()] == [None, pytest.approx(9.4)]
+    assert headings.notes == ["fastest: 0 deg; most even: 0 deg"]
+
+
 def test_a_flight_without_its_handicap_keeps_the_pilot_s_own_gap() -> None:
     assert FlightHandicap("a", 57.3, row("a", 1.0)).result == pytest.approx(56.3)
 
