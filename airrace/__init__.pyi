@@ -8,7 +8,7 @@ from airrace.api.optimize import open as open
 from airrace.api.optimize import optimize as optimize
 from airrace.api.optimize import resume as resume
 from airrace.api.run import Run as Run
-from airrace.api.sweeps import fairness as fairness
+from airrace.api.sweeps import handicap as handicap
 from airrace.api.sweeps import sweep as sweep
 from airrace.errors import AirraceError as AirraceError
 from airrace.files.inputs import Inputs as Inputs

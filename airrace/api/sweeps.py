@@ -1,18 +1,20 @@
-"""Many optima: one stage under swept values, and what aircraft and air are worth on a course."""
+"""Many optima: one stage under swept values, and what the air of a day costs."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Union
 
 from airrace import options
 from airrace.api.optimize import RunGiven
+from airrace.flights.safety.disturbances import WIND_DIRECTION_ERROR_DEG, WIND_SPEED_ERROR_KT
 from airrace.options import Option
 from airrace.procedure.stage import Stage
 from airrace.runs.batch import Sweeps, sweep_texts
 
 if TYPE_CHECKING:
-    from airrace.runs.batch.fairness import Fairness
+    from airrace.runs.batch.handicap import HandicapResult
     from airrace.runs.batch.sweep import SweepResult
+    from airrace.runs.run_state import RunState
 
 
 def sweep(
@@ -71,72 +73,100 @@ def sweep(
     return result
 
 
-def fairness(
-    track: Annotated[
-        str | Path, Option("The course: a file, or a name that `airrace tracks` lists.", "TRACK", completion="tracks")
+def handicap(
+    run: Annotated[
+        Union[str, Path, "RunState"],
+        Option(
+            "A run, from whose optimum all others are solved; or a course, a file or a name, which is solved first.",
+            "RUN.h5|TRACK",
+            completion="tracks",
+        ),
     ],
     *,
+    wind: Annotated[
+        str | None, Option("The wind, e.g. 240/12: from 240 degrees with 12 kt; by default the course's.", "DEG/KT")
+    ] = None,
+    qnh: Annotated[float | None, Option("The pressure that an altimeter is set to.", "HPA")] = None,
+    temperature: Annotated[float | None, Option("The temperature at the course.", "CELSIUS")] = None,
+    wind_speed_error_kt: Annotated[
+        float, Option("The error of its speed that 95 % of winds are within.", "KT", flags=("--wind-speed-error",))
+    ] = WIND_SPEED_ERROR_KT,
+    wind_direction_error_deg: Annotated[
+        float,
+        Option("The error of its direction that 95 % of winds are within.", "DEG", flags=("--wind-direction-error",)),
+    ] = WIND_DIRECTION_ERROR_DEG,
+    hours: Annotated[
+        str | Path | None,
+        Option("The weather of many hours: CSV of hour, from_deg, speed_kt, qnh_hPa, temperature_C.", "FILE"),
+    ] = None,
+    headings: Annotated[
+        str | None, Option("Turn the course clockwise by these angles, e.g. 0:360:15.", "FIRST:LAST:STEP")
+    ] = None,
     aircraft: Annotated[
         Sequence[str | Path],
-        Option("An aircraft: a file or a name, e.g. pc9; as often as you like.", "FILE", completion="configs"),
+        Option("Another aircraft to compare, e.g. pc9; as often as you like.", "FILE", completion="configs"),
     ] = (),
-    winds: Annotated[
-        str | None, Option("Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's.", "ROSE")
-    ] = None,
-    sweep: Annotated[Sweeps, Option("Values of another key of the air; as often as you like.", "KEY=VALUES")] = (),
     flights: Annotated[
         Sequence[str],
-        Option("A run or a flight log to normalise; as often as you like.", "FLIGHT", flags=("--flight",)),
+        Option("A run or a flight log to free of its handicap; as often as you like.", "FLIGHT", flags=("--flight",)),
     ] = (),
-    settings: Annotated[str | Path | None, Option("Settings other than the defaults.", "FILE")] = None,
+    stage: Annotated[str | Stage, Option("Which stage.", "STAGE", completion="stages")] = "point-mass",
     set: options.Set = (),
-    until: options.Until = None,
-    cold: Annotated[bool, Option("Find every optimum from the course alone as well, and take the faster one.")] = False,
-    output: Annotated[
-        str | Path | None,
-        Option("Keep the runs here; a second call takes up what is there.", "DIR", flags=("--output", "-o")),
-    ] = None,
+    output: Annotated[str | Path | None, options.output("FILE", "Write all handicaps as CSV.")] = None,
+    force: options.Force = False,
     threads: options.Threads = None,
     tell: Callable[[str], None] = lambda _: None,
-) -> "Fairness":
-    """Tell what aircraft and air are worth on a course: handicaps, spreads, and times as of still standard air.
+) -> "HandicapResult":
+    """Tell what the day costs or gives, in seconds, against still standard air at the level of the sea.
+
+    The interval of a handicap follows from the errors of the wind. With --hours and --headings it tells which hour is
+    best, and which way the course should lie.
 
     Args:
-        sweep: keys of the air, such as `environment.temperature_offset_K`, and their values.
-        flights: runs and flight logs, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, whose times are normalised.
-        set: values of all optima but those of flights, see `optimize`.
-        cold: slower, but no route is missed for the start.
-        tell: hears of every optimum, in words.
+        headings: degrees; the course is turned with all that stands around it.
+        aircraft: further ones; each is flown from the optimum of the run first.
+        flights: runs and flight logs, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, each in its own air.
+        set: values that are otherwise than in the run, see `optimize`; not of flights.
+        tell: hears what is solved, in words.
 
     Raises:
-        InputError: the inputs are not valid; it carries all findings.
-        UsageError: an argument is out of range, or two aircraft have one name.
-        CheckpointError: a flight cannot be read.
-        StorageError: the folder cannot be written to.
+        InputError: the inputs or the hours are not valid; it carries all findings.
+        UsageError: an argument is out of range, two aircraft have one name, the run has no such optimum, settings or a
+            reserve are to be others than the run's, or the file exists.
+        CheckpointError: a file cannot be read.
+        SolverCrash: the solver process died.
+        StorageError: the system refused to write the file.
     """
-    from airrace.errors import UsageError
-    from airrace.files.inputs import Inputs, load_inputs
-    from airrace.runs.batch.fairness import OptimumSolver, airs_of, find_fairness, open_flight
-    from airrace.runs.batch.planning import parse_sweeps
-    from airrace.runs.batch.record import make_folder
-    from airrace.runs.execution_plan import stage_by_name, value_texts
+    from airrace.files.inputs import load_inputs
+    from airrace.files.inputs.weather import read_hours, weather_named
+    from airrace.optimal_control.solvers import start_early
+    from airrace.runs.batch.handicap import HandicapSolver, WindError, find_handicaps, headings_of
+    from airrace.runs.execution_plan import plan_new_run, stage_by_name, value_texts
+    from airrace.runs.output import documents_of, ensure_free, write_text
+    from airrace.runs.run_state import RunState, open_run
     from airrace.runtime.process import available_cores
-    from airrace.runtime.standard_streams import stem_of
 
-    last_stage, overrides = stage_by_name(until), value_texts(set)
-    airs = airs_of(winds, parse_sweeps(sweep_texts(sweep)))
-    inputs_of: dict[str, Inputs] = {}
-    for name in aircraft:
-        inputs = load_inputs(track, aircraft=name, settings=settings, overrides=overrides)
-        inputs_of[stem_of(Path(name))] = inputs
-    if len(inputs_of) < len(aircraft):
-        raise UsageError("two aircraft have one name; rename a file")
-    if not inputs_of:
-        inputs = load_inputs(track, settings=settings, overrides=overrides)
-        inputs_of[stem_of(Path(inputs.aircraft.path))] = inputs
-    recorded_flights = [open_flight(text) for text in flights]
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        make_folder(folder)
-    solver = OptimumSolver(last_stage, folder, threads or available_cores(), cold, tell)
-    return find_fairness(stem_of(Path(track)), inputs_of, airs, recorded_flights, solver)
+    last, overrides = stage_by_name(stage), value_texts(set)
+    weather = weather_named(wind, qnh, temperature)
+    weathers = [weather] if hours is None else read_hours(Path(hours), weather)
+    angles = headings_of(headings)
+    wind_error = WindError(wind_speed_error_kt, wind_direction_error_deg)
+    solver = HandicapSolver(last, overrides, wind_error, threads or available_cores(), tell)
+    start_early()
+    plan = None
+    if isinstance(run, RunState):
+        source = run
+    elif Path(run).suffix.lower() == ".h5":
+        source = open_run(Path(run))
+    else:
+        plan = plan_new_run(load_inputs(run, overrides=overrides), until=last)
+        source = plan.run
+    if output is not None:
+        sources = [run, hours, *aircraft, *flights, *documents_of(source.inputs)]
+        ensure_free(Path(output), force=force, sources=sources)
+    if plan is not None:
+        source = solver.execute(plan, source.label)
+    result = find_handicaps(source, aircraft, weathers, angles, flights, solver)
+    if output is not None:
+        write_text(Path(output), result.table().csv(".10g"))
+    return result

@@ -1,4 +1,4 @@
-"""Commands that solve many: `batch` (many courses), `sweep` (many values) and `fairness` (aircraft and air)."""
+"""Commands that solve many: `batch` (many courses), `sweep` (many values) and `handicap` (many airs)."""
 
 import signal
 import sys
@@ -18,10 +18,9 @@ from airrace.options import Option
 from airrace.runs.batch import BatchOptions
 from airrace.runs.command_result import ExitCode
 from airrace.runtime import interrupts
-from airrace.runtime.standard_streams import STANDARD
 
 if TYPE_CHECKING:
-    from airrace.runs.batch.fairness import Fairness
+    from airrace.runs.batch.handicap import HandicapResult
     from airrace.runs.batch.sweep import SweepResult
 
 
@@ -124,31 +123,14 @@ def sweep(command_result: PrintedResult, function: "partial[SweepResult]", *, fo
         command_result.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")
 
 
-@command(sweeps.fairness)
-def fairness(
-    command_result: PrintedResult,
-    function: "partial[Fairness]",
-    *,
-    csv: Annotated[Path | None, Option("Write the optima as CSV.", "FILE", written=True)] = None,
-    force: options.Force = False,
-) -> None:
-    from airrace.files.inputs import load_inputs
-    from airrace.runs.output import documents_of, ensure_free, write_text
-
+@command(sweeps.handicap)
+def handicap(command_result: PrintedResult, function: "partial[HandicapResult]") -> None:
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    if csv is not None:
-        arguments = function.keywords
-        track, settings = arguments["track"], arguments["settings"]
-        ensure_free(csv, force=force, sources=[track, settings, *arguments["aircraft"], *arguments["flights"]])
-        inputs = load_inputs(track, settings=settings, overrides=arguments["set"])
-        ensure_free(csv, force=True, sources=documents_of(inputs))
-    result = function() if command_result.quiet and csv != STANDARD else function(tell=tell)
-    if csv is not None:
-        write_text(csv, result.air_table().csv(".10g"))
+    result = function() if command_result.quiet else function(tell=tell)
     command_result.fields.update(result.as_object())
     command_result.add(*result.tables())
-    command_result.add_files(csv)
+    command_result.add_files(function.keywords["output"])
     if result.messages:
         command_result.fail(ExitCode.NOT_CERTIFIED, result.messages[0])

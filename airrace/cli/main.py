@@ -9,7 +9,7 @@ from typing import Annotated, cast
 import typer
 
 from airrace.cli.aircraft import aircraft, fit
-from airrace.cli.batch import batch, fairness, sweep
+from airrace.cli.batch import batch, handicap, sweep
 from airrace.cli.command import Command
 from airrace.cli.courses import check, design, doctor, init, schema, tracks
 from airrace.cli.flights import brief, card, compare, export, film, follow, import_log, plot, report
@@ -47,7 +47,7 @@ for _name, _command in {
     "design": design,
     "batch": batch,
     "sweep": sweep,
-    "fairness": fairness,
+    "handicap": handicap,
     "tracks": tracks,
     "init": init,
     "aircraft": aircraft,

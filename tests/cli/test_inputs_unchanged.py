@@ -40,8 +40,10 @@ COMMANDS: dict[str, str] = {
     "film run.h5 --output OUT.mp4": "run.h5",
     "card run.h5 --output OUT.png": "run.h5",
     "sweep run.h5 --sweep rules.n_z_max=9 --output OUT.csv": "run.h5",
-    f"fairness course.yaml {INPUTS} --flight run.h5 --csv OUT": "course.yaml other.yaml settings.yaml run.h5",
-    "fairness course.yaml --csv OUT": "plane.yaml extension.py",
+    "handicap course.yaml --aircraft other.yaml --flight run.h5 --hours hours.csv --output OUT": (
+        "course.yaml plane.yaml extension.py other.yaml run.h5 hours.csv"
+    ),
+    "handicap run.h5 --output OUT": "run.h5",
     f"export {KML} --output OUT": "run.h5 log.csv",
     f"{LOG} --aircraft other.yaml --output OUT": "log.csv course.yaml mapping.yaml other.yaml",
     f"{LOG} --output OUT": "plane.yaml extension.py",
@@ -82,6 +84,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "batch.yaml").write_text("schema: airrace/batch/1\ncourses: [second.yaml]\n")
     shutil.copy(ROOT / "tests" / "flights" / "logs" / "rovinj_2014.csv", folder / "log.csv")
     (folder / "mapping.yaml").write_text("schema: airrace/log/1\n")
+    (folder / "hours.csv").write_text("hour,qnh_hPa\nnoon,1013\n")
     (folder / "places.kml").write_text("<kml/>")
     (folder / "extension.py").write_text("")
     with pytest.MonkeyPatch.context() as patch:

@@ -31,7 +31,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("plot", RUN),
     ("verify", RUN),
     ("sensitivity", RUN),
-    ("fairness", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off"),
+    ("handicap", RUN, "--wind", "240/12"),
     ("footprint", RUN),
     ("footprint", RUN, "--output", "fallen.csv"),
     ("check", COURSE),

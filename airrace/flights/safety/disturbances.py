@@ -17,6 +17,9 @@ ROLL_TIMING = 0.02
 """That of the time by which rolls begin late or early, s; a judgement."""
 PILOT_DELAY = 0.1
 """The time from what the pilot sees to the stick that moves, s; see `airrace.flights.safety.pilot`."""
+WIND_SPEED_ERROR_KT, WIND_DIRECTION_ERROR_DEG = 3.0, 15.0
+"""The errors of a wind as pilots are told it that 95 % of winds are within. They lie between those that ICAO's Annex 3
+wants a measurement (1 kt or 10 %, 10 degrees) and a forecast (5 kt, 20 degrees) to keep."""
 
 
 class Gusts(StrEnum):
