@@ -86,7 +86,7 @@ class Fidelity:
         warm_start: how it is started from the stage below.
         columns: further columns of its tables, each a function of the named histories of all states and controls, of
             shape (n,) -> (n,).
-        guess: whether its flight only serves as a guess for the next stage: it is assembled from pieces, never
+        is_guess: whether its flight only serves as a guess for the next stage: it is assembled from pieces, never
             optimised as a whole and never certified.
     """
 
@@ -99,7 +99,7 @@ class Fidelity:
     columns: Mapping[Quantity, Callable[[Histories], Array]] = field(
         default_factory=dict[Quantity, Callable[[Histories], Array]]
     )
-    guess: bool = False
+    is_guess: bool = False
 
     def controller(self) -> InnerLoopInverse:
         """Return the builder of the model's inner controller.
@@ -117,7 +117,7 @@ _point_mass = Fidelity(Stage.POINT_MASS, build_point_mass)
 _fidelities: dict[Stage, Fidelity] = {
     fidelity.stage: fidelity
     for fidelity in (
-        dataclasses.replace(_point_mass, stage=Stage.HOMOTOPY, guess=True),
+        dataclasses.replace(_point_mass, stage=Stage.HOMOTOPY, is_guess=True),
         _point_mass,
         Fidelity(
             Stage.TRANSFER_FUNCTION,

@@ -216,7 +216,7 @@ def _solve_stages(
         if not remark:
             session.reset_log()  # failed starts stay in the log of the stage that replaces them
         strategy = mesh_strategy(session.settings, stage, last)
-        if fidelity_of(stage).guess:
+        if fidelity_of(stage).is_guess:
             first_solutions = solve_homotopy_and_plans(models, session, searches=last is not stage)
             result = first_solutions.homotopy.result
         elif stage is Stage.POINT_MASS:

@@ -134,7 +134,7 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
 
 
 def _recompute_one(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
-    if fidelity_of(result.stage).guess:
+    if fidelity_of(result.stage).is_guess:
         stage_problem = without_pilot_limits(formulate(Stage.POINT_MASS, race, settings), race)
         trajectory = trajectory_of(stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
         return replace(result, trajectory=trajectory, splits=gate_splits(stage_problem, trajectory), certificate=None)

@@ -53,9 +53,9 @@ class StageModels:
         simulators: dict[Stage, Future[TrackingSimulator]] = {}
         for stage in dict.fromkeys((*stages, Stage.POINT_MASS, Stage.HOMOTOPY)):
             fidelity = fidelity_of(stage)
-            if fidelity.guess and Stage.POINT_MASS not in problems:
+            if fidelity.is_guess and Stage.POINT_MASS not in problems:
                 problems[Stage.POINT_MASS] = maker.submit(_formulate, Stage.POINT_MASS, race, settings, plan)
-            if fidelity.guess:
+            if fidelity.is_guess:
                 problems[stage] = maker.submit(_as_guess, problems[Stage.POINT_MASS], fidelity, race)
             elif stage not in problems:
                 problems[stage] = maker.submit(_formulate, stage, race, settings, plan)

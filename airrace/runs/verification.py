@@ -285,7 +285,7 @@ def _is_written(note: Note, result: StageResult) -> bool:
 
 
 def _message(result: StageResult) -> Iterator[str]:
-    guess = fidelity_of(result.stage).guess
+    guess = fidelity_of(result.stage).is_guess
     if result.is_flight and result.suggested_changes:
         yield "a stage with a flight has no conflicts of limits"
     possible = {

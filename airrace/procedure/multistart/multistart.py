@@ -111,23 +111,23 @@ def search_routes(
         fastest = _fastest(search.run(starts, solved).flights, course, max(budget.compared_max, alternatives))
         if fastest:
             report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
-        finals = _distinct(_refine(pool, session, fastest), course)
-        finals = _distinct(_with_best_rolls(search, finals), course)
+        compared = _distinct(_refine(pool, session, fastest), course)
+        compared = _distinct(_with_best_rolls(search, compared), course)
         result = search.result()
     seconds = time.perf_counter() - began
 
     def search_report(number: int) -> SearchReport:
-        if not finals:
+        if not compared:
             return SearchReport((), 0, 0, result.failed, seconds, ())
         pace = budget.planning_radius.scale(stage_problem.plan.cruise)
-        return _report(result, finals[number], course, pace, seconds)
+        return _report(result, compared[number], course, pace, seconds)
 
     barrier = InitialBarrier.COARSE
     routes = tuple(
         Start(flight.stage_problem, flight.problem, flight.iterate, barrier, multipliers=flight.multipliers)
-        for flight in finals
+        for flight in compared
     )
-    return FoundRoutes(routes, search_report, sum(_is_near(flight, finals[0]) for flight in finals))
+    return FoundRoutes(routes, search_report, sum(_is_near(flight, compared[0]) for flight in compared))
 
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
@@ -168,11 +168,11 @@ def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettin
     return solve_coarse(service, on_other_mesh(coarse, counts)) or coarse
 
 
-def _with_best_rolls(search: Search, finals: list[CoarseSolution]) -> list[CoarseSolution]:
+def _with_best_rolls(search: Search, compared: list[CoarseSolution]) -> list[CoarseSolution]:
     """Return the flights, the fastest first, after the rolls of those near the best were tried the other way."""
-    if not finals:
-        return finals
-    best, *slower = finals
+    if not compared:
+        return compared
+    best, *slower = compared
     near = [flight for flight in slower if _is_near(flight, best)]
     improved = [search.improve_rolls(best), *(search.improve_rolls(flight, unlike=best) for flight in near)]
     return sorted([*improved, *slower[len(near) :]], key=lambda flight: flight.race_time)
