@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.errors import InputError
 from airrace.flights.logs.deviations import deviations_of, place_roundings
-from airrace.flights.logs.errors import CommonErrors
+from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.histories import log_histories
 from airrace.flights.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
 from airrace.flights.logs.plausibility import in_feet_if_so, plausible, roll_offsets
@@ -66,6 +66,9 @@ class LogFlight:
         remarks: for the reader, as sentences.
         noise: standard deviation of the positions that was given, m; None where it was estimated.
         assumption: the accuracy that judgements assume, in words.
+        axes: along which axis each element was passed, rad, by the names of the passages.
+        errors: how well the flight is known.
+        penalties: of the season.
     """
 
     flight: Flight
@@ -76,6 +79,9 @@ class LogFlight:
     remarks: tuple[str, ...]
     noise: float | None
     assumption: str
+    axes: Mapping[str, float]
+    errors: FlightErrors
+    penalties: Penalties
 
 
 def flight_from_log(
@@ -126,7 +132,7 @@ def flight_of_part(
     path = smooth(placed.time, places, noise, least)
     part = plausible(part, path, race)
     accuracy = receiver_accuracy(part)
-    common = CommonErrors(part.time, accuracy, stated=part.accuracy is not None, barometric=part.barometric)
+    common = CommonErrors(Receiver(part.time, accuracy, stated=part.accuracy is not None, barometric=part.barometric))
     registrations = 0
     while True:
         moved = replace(path, position=path.position - common.registration[:, None])
@@ -146,7 +152,38 @@ def flight_of_part(
     losses = [loss] if (loss := accuracy.loss(part.time - run.begin)) else []
     remarks = (*part.remarks, *losses, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
     broken = violations(flight, axes, errors, penalties)
-    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise, accuracy.text)
+    return LogFlight(
+        flight, broken, accuracies, part, run.begin, remarks, noise, accuracy.text, axes, errors, penalties
+    )
+
+
+def judged_together(logs: Sequence[LogFlight]) -> tuple[LogFlight, ...]:
+    """Return flights over one course as they are judged with gates where all of them together tell that these stand.
+
+    A flight that is given twice, and one over other gates than the first, tells nothing of them. Without a gate that
+    stands elsewhere every flight is returned as it is.
+    """
+    course = [(passage.name, passage.element) for passage in logs[0].flight.course.passages]
+    witnesses: dict[tuple[float, ...], int] = {}
+    for number, log in enumerate(logs):
+        if [(passage.name, passage.element) for passage in log.flight.course.passages] == course:
+            witnesses.setdefault(tuple(crossing.time for crossing in log.flight.crossings if crossing.found), number)
+    first, *others = [logs[number].errors.common for number in witnesses.values()]
+    displaced = first.beside(others).displaced if others else {}
+    if not displaced:
+        return tuple(logs)
+    judged = list(logs)
+    for number, log in enumerate(logs):
+        if [(passage.name, passage.element) for passage in log.flight.course.passages] != course:
+            continue
+        own = tuple(crossing.time for crossing in log.flight.crossings if crossing.found)
+        beside = [logs[place].errors.common for times, place in witnesses.items() if times != own]
+        errors = replace(log.errors, common=log.errors.common.beside(beside, displaced))
+        before = log.errors.common.displacement_remarks
+        remarks = (*(remark for remark in log.remarks if remark not in before), *errors.common.displacement_remarks)
+        broken = violations(log.flight, log.axes, errors, log.penalties)
+        judged[number] = replace(log, errors=errors, remarks=remarks, violations=broken)
+    return tuple(judged)
 
 
 def _find_run(race: Race, part: Recording, path: Path) -> CourseRun:

@@ -80,6 +80,8 @@ logs, so that less than one log in 10,000 accuses falsely.
 """
 
 
+FAR_OFF = 5.0
+"""The number of deviations from which on a passing is no legal one whichever of its measures tells."""
 COSINE_MIN = 0.1
 """The least cosine between path and axis that is counted."""
 STEEP = math.radians(80.0)
@@ -258,7 +260,8 @@ def passing_windows(flight: Flight, axes: Mapping[str, float], own: DeviationsAt
             beside = [measured.window(measured.centre, offset, deviations.across)]
             if measured.tips:
                 beside.insert(0, measured.window(measured.tips, offset, deviations.tip))
-            windows.append(max(beside, key=lambda window: window.excess))  # a bank of the path is known badly
+            # A bank of the path is known badly, and so the tips; else they tell more, and of what is far off most.
+            windows.append(max(beside, key=lambda window: min(window.excess, FAR_OFF)))
     return windows
 
 

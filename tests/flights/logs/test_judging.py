@@ -10,7 +10,7 @@ from synthetic import Fixes, csv_text, fixes, flown, imported, known
 
 from airrace.files.inputs import load_inputs
 from airrace.files.inputs.rules import preset_names
-from airrace.flights.logs.errors import CommonErrors
+from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.histories import between_samples
 from airrace.flights.logs.quality import ReceiverAccuracy
 from airrace.flights.logs.recording import Recording
@@ -232,7 +232,7 @@ def test_a_turn_that_stays_too_low_costs_less_than_a_roll() -> None:
     missed = tuple(TimedCrossing(passage, math.nan, {}) for passage in given.race.course.passages)
     flight = Flight(given.race, Source("log"), time, histories, missed)
     accuracy = ReceiverAccuracy(np.ones(3), np.ones(3), "")
-    errors = FlightErrors(lambda _: NOT_KNOWN, lambda _: NOT_KNOWN, CommonErrors(time, accuracy))
+    errors = FlightErrors(lambda _: NOT_KNOWN, lambda _: NOT_KNOWN, CommonErrors(Receiver(time, accuracy)))
     found = violations(flight, {}, errors, given.penalties)
     costs = {one.passing.partition(":")[2]: one.penalty for one in found if one.rule == "manoeuvre"}
     assert costs == {"top": 2.0, "roll/begin": 3.0, "roll": 3.0}
