@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from airrace.errors import InputError
+from airrace.flights.logs.clocks import repair_cut
 from airrace.flights.logs.deviations import deviations_of, place_roundings
 from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.histories import log_histories
@@ -114,7 +115,31 @@ def flight_from_log(
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
     framed = in_feet_if_so(framed, race, chosen).raised(height_offset)
     within = (framed.time >= chosen.begin - SMOOTHED_MARGIN) & (framed.time <= chosen.end + SMOOTHED_MARGIN)
-    return flight_of_part(framed.select(within, *remarks), race, label=label, penalties=penalties, noise=noise)
+    part = _with_repaired_clock(framed.select(within, *remarks))
+    return flight_of_part(part, race, label=label, penalties=penalties, noise=noise)
+
+
+def _with_repaired_clock(part: Recording) -> Recording:
+    """Return a part of a recording whose times are cut off with those that the way tells, and a remark.
+
+    Samples without a position, as of an attitude, keep their place between those that have one.
+    """
+    if not part.cut:
+        return part
+    placed = np.flatnonzero(np.isfinite(part.columns["x"]) & np.isfinite(part.columns["y"]))
+    time, deviation = repair_cut(
+        part.time[placed], np.stack([part.columns[name][placed] for name in ("x", "y")]), part.cut
+    )
+    cut = "whole seconds" if part.cut == 1.0 else f"steps of {plain_number(part.cut, 3)} s"
+    remark = f"times are cut to {cut} at an uneven rate"
+    usual = plain_number(float(np.median(deviation)), 2)
+    if np.array_equal(time, part.time[placed]):
+        remark += f", and the way tells no others: they are known to {usual} s"
+    else:
+        remark += f": the way between them tells them to {usual} s"
+    all_time = np.interp(part.time, part.time[placed], time)
+    columns = {**part.columns, "clock_deviation": np.interp(part.time, part.time[placed], deviation)}
+    return replace(part, time=all_time, columns=columns).select(np.ones(len(all_time), bool), remark)
 
 
 def flight_of_part(

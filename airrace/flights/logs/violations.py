@@ -72,7 +72,7 @@ class Penalties:
 
 NONE_KNOWN = Penalties()
 """The penalties of a course whose rules name none."""
-CERTAIN_DEVIATIONS = 5.0
+CERTAIN_DEVIATIONS = 4.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
 An optimum touches its limits in a hundred places. By chance one of them is off by five deviations in one of 35,000
