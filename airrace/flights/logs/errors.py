@@ -52,6 +52,9 @@ DISPLACEMENT_GAIN = 1.5 * BREACH_COST
 EDGE_COST = 0.25
 """What a passing along the edge of its gate costs in the mean, beyond which it is in every second log: a gate that
 stands elsewhere gains as much for nothing."""
+OBJECTION = 2.0
+"""The number of deviations from which on a passing objects to the place of its gate; of a gate that stands elsewhere
+two do."""
 PLACES_EXTENT, PLACES_POINTS = 4.0, 161
 """The places of a gate that are tried, by `GATE_DISPLACEMENT`: up to so many, and their number by axis."""
 OFFSET_REPORTED = 0.2
@@ -310,9 +313,8 @@ class CommonErrors:
             logs = {window.log for window in self.windows if window.gate == gate}
             who = f"the passings of {len(logs)} logs" if len(logs) > 1 else "its passings"
             remarks.append(
-                f"{gate} seems to stand {_direction(place.north, place.east)} (+- "
-                f"{plain_number(place.deviation, 2)} m) of its place in the course's file: so {who} agree, and so they "
-                "are judged"
+                f"{gate} seems to stand {_direction(place.north, place.east, place.deviation)} of its place in the "
+                f"course's file: so {who} agree, and so they are judged"
             )
         return tuple(remarks)
 
@@ -382,7 +384,7 @@ class CommonErrors:
                 self.displaced = {**moved, gate: Displacement(0.0, 0.0, GATE_DISPLACEMENT)}
                 self._evaluate(agreeing)
                 gain = plain.cost - self._fit.cost - DISPLACEMENT_GAIN - EDGE_COST * len(rows)
-                if gain > clearest[0]:
+                if gain > clearest[0] and self._objections(gate) > 1:
                     clearest = gain, gate, {**moved, gate: self._displacement(gate)}
             _, gate, moved = clearest
             self.displaced = moved
@@ -392,32 +394,21 @@ class CommonErrors:
             if not gate:
                 return {name: self._displacement(name) for name in moved}
 
-    def _displacement(self, gate: str) -> Displacement:
-        """Return where a gate stands as its passings tell, but for those that are breaches even so.
+    def _objections(self, gate: str) -> int:
+        """Return how many passings object to the place that a gate has in the file."""
+        _, limits, mean, covariance = self._expected(gate)
+        beyond = np.abs(mean - np.clip(mean, limits.lower, limits.upper))
+        return int(np.count_nonzero(beyond > OBJECTION * np.sqrt(np.diag(covariance))))
 
-        The errors at these passings are those that all others tell. Of the places from which no passing objects one is
-        as likely as any other, but for what is known beforehand.
+    def _displacement(self, gate: str) -> Displacement:
+        """Return where a gate stands: of the places from which no passing objects one is as likely as any other, but
+        for what is known beforehand.
         """
-        windows, K = self.windows, self._K
-        rows = [
-            row
-            for row, window in enumerate(windows)
-            if window.gate == gate and not window.is_height and self._fit.share[row] > BREACH_SHARE
-        ]
-        others = [row for row, window in enumerate(windows) if window.gate != gate]
-        limiting = [row for row in self._limiting if windows[row].gate != gate]
-        places = [self._limiting.index(row) for row in limiting]
-        mean = K[np.ix_(rows, others)] @ self._least(others, None, [self._fit.share[others]], thorough=False).force
-        scatter = np.linalg.inv(self._information)[np.ix_(places, places)]
-        towards = K[np.ix_(rows, limiting)]
-        directions = np.array([windows[row].direction[:2] for row in rows])
-        apart = self._K[np.ix_(rows, rows)] - GATE_DISPLACEMENT**2 * directions @ directions.T
-        covariance = apart - towards @ np.linalg.solve(scatter, towards.T)
-        covariance += np.diag([windows[row].deviation ** 2 for row in rows])
+        directions, limits, mean, covariance = self._expected(gate)
         line = GATE_DISPLACEMENT * np.linspace(-PLACES_EXTENT, PLACES_EXTENT, PLACES_POINTS)
         tried = np.stack([values.ravel() for values in np.meshgrid(line, line)], axis=1)
         errors = mean + tried @ directions.T
-        beyond = errors - np.clip(errors, *([getattr(windows[row], name) for row in rows] for name in _LIMITS[:2]))
+        beyond = errors - np.clip(errors, limits.lower, limits.upper)
         square = np.sum(beyond * np.linalg.solve(covariance, beyond.T).T, axis=1)
         square += np.sum((tried / GATE_DISPLACEMENT) ** 2, axis=1)
         weight = np.exp(-0.5 * (square - square.min()))
@@ -425,6 +416,30 @@ class CommonErrors:
         place = weight @ tried
         along = (tried - place) @ (place / max(float(np.linalg.norm(place)), DEVIATION_MIN))
         return Displacement(float(place[0]), float(place[1]), math.sqrt(float(weight @ along**2)))
+
+    def _expected(self, gate: str) -> tuple[Array, "_Limits", Array, Array]:
+        """Return what the passings of all other gates tell of the errors at those of a gate that may stand elsewhere.
+
+        Left out are its passings that are breaches wherever it stands.
+
+        Returns:
+            Directions over ground, shape (m, 2), limits, means, m, shape (m,), and covariance with what else they are
+            known by, m^2, shape (m, m).
+        """
+        windows, K = self.windows, self._K
+        of_gate = [row for row, window in enumerate(windows) if window.gate == gate and not window.is_height]
+        rows = [row for row in of_gate if self._fit.share[row] > BREACH_SHARE] or of_gate
+        others = [row for row, window in enumerate(windows) if window.gate != gate]
+        limiting = [row for row in self._limiting if windows[row].gate != gate]
+        places = [self._limiting.index(row) for row in limiting]
+        directions = np.array([windows[row].direction[:2] for row in rows])
+        limits = _Limits(*(np.array([getattr(windows[row], name) for row in rows]) for name in _LIMITS))
+        mean = K[np.ix_(rows, others)] @ self._least(others, None, [self._fit.share[others]], thorough=False).force
+        scatter = np.linalg.inv(self._information)[np.ix_(places, places)]
+        towards = K[np.ix_(rows, limiting)]
+        covariance = K[np.ix_(rows, rows)] - GATE_DISPLACEMENT**2 * directions @ directions.T
+        covariance += np.diag(limits.deviation**2) - towards @ np.linalg.solve(scatter, towards.T)
+        return directions, limits, mean, covariance
 
     def _least(
         self, rows: Sequence[int], legal: Window | None = None, starts: Sequence[Array] = (), *, thorough: bool = True
@@ -543,8 +558,9 @@ class _Limits:
         return force
 
 
-def _direction(north: float, east: float) -> str:
-    """Return a distance in words, `6 m to the east`."""
+def _direction(north: float, east: float, deviation: float | None = None) -> str:
+    """Return a distance in words, `6 m to the east`, or `6 +- 1 m to the east`."""
     names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
     toward = names[round(math.atan2(east, north) / (0.25 * math.pi)) % 8]
-    return f"{plain_number(math.hypot(north, east), 2)} m to the {toward}"
+    known = "" if deviation is None else f" +- {plain_number(deviation, 2)}"
+    return f"{plain_number(math.hypot(north, east), 2)}{known} m to the {toward}"

@@ -75,11 +75,11 @@ NONE_KNOWN = Penalties()
 CERTAIN_DEVIATIONS = 4.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
-An optimum touches its limits in a hundred places. By chance one of them is off by five deviations in one of 35,000
-logs, so that less than one log in 10,000 accuses falsely.
+An optimum touches its limits in some thirty places. Errors of a normal distribution are beyond four deviations on one
+side once in 32,000; those of passings have 0.5 to 0.9 of the deviations that are told, so that it is once in 200,000
+even for the least of them, and less than one log in 5,000 accuses falsely. Five deviations would miss one in twenty
+breaches that truly are so large, for these are measured as less; four miss one in 300.
 """
-
-
 FAR_OFF = 5.0
 """The number of deviations from which on a passing is no legal one whichever of its measures tells."""
 COSINE_MIN = 0.1

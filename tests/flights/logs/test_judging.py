@@ -166,8 +166,8 @@ def test_a_gate_that_was_flown_around_is_missed_by_its_distance() -> None:
     assert missed.limit < 20.0
 
 
-def test_nothing_is_certain_without_a_deviation_and_less_than_five_of_them() -> None:
-    breach = Violation("1:g4", "too-high", 1.0, 30.0, 25.0, 1.0, "m", 2.0)
+def test_nothing_is_certain_without_a_deviation_and_less_than_four_of_them() -> None:
+    breach = Violation("1:g4", "too-high", 1.0, 29.0, 25.0, 1.0, "m", 2.0)
     assert breach.certain
     assert replace(breach, deviation=0.0).certain
     assert not replace(breach, deviation=1.01).certain
