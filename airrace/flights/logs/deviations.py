@@ -135,7 +135,9 @@ def deviations_of(
         )
         zero = 0.0 if own else math.hypot(mean[2], math.sqrt(max(float(covariance[2, 2]), 0.0)))
         raw = path.deviations(np.array([offset + time]))[:, :, 0]
-        (lost, lost_speed), (sag, lost_climb) = (_lost_between(times, offset + time, usual) for times in (places, heights))
+        (lost, lost_speed), (sag, lost_climb) = (
+            _lost_between(times, offset + time, usual) for times in (places, heights)
+        )
         place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
         between = float(places[place] - places[place - 1])
         smoothed = bias(offset + time)

@@ -193,12 +193,13 @@ class CommonErrors:
         others: Sequence["CommonErrors"] = (),
         displaced: Mapping[str, Displacement] | None = None,
     ) -> None:
-        self._receivers = [receiver, *(other._receivers[0] for other in others)]
+        self._receivers: list[Receiver] = [receiver, *(other._receivers[0] for other in others)]
+        self._beyond_registration = windows
         self.registration = np.zeros(3) if registration is None else registration
         self.windows = [self._in_all(window) for window in windows if window.informative]
         for number, other in enumerate(others, start=1):
             self.windows += [replace(window, log=number) for window in other.windows if window.log == 0]
-        self.displaced: Mapping[str, Displacement] = displaced or {}
+        self.displaced: Mapping[str, Displacement] = {} if displaced is None else displaced
         self._evaluate()
         if displaced is None:
             self.displaced = self._displacements()
@@ -216,16 +217,8 @@ class CommonErrors:
             others: the errors of those logs.
             displaced: the gates that stand elsewhere; None to find them.
         """
-        registered = [
-            replace(
-                window,
-                lower=window.lower - float(self.registration @ window.direction),
-                upper=window.upper - float(self.registration @ window.direction),
-            )
-            for window in self.windows
-            if window.log == 0
-        ]
-        return CommonErrors(self._receivers[0], registered, self.registration, others=others, displaced=displaced)
+        receiver, windows = self._receivers[0], self._beyond_registration
+        return CommonErrors(receiver, windows, self.registration, others=others, displaced=displaced)
 
     def drift(self, time: float) -> tuple[float, float]:
         """Return the standard deviations of what wanders in the log, over ground and of heights, m."""
@@ -259,10 +252,7 @@ class CommonErrors:
             return Judgement(0.0, 0.0)
         judged, registered = self._in_all(window), float(self.registration @ window.direction)
         own = np.array(
-            [
-                (row.log, row.passing, row.is_height) == (0, window.passing, window.is_height)
-                for row in self.windows
-            ],
+            [(row.log, row.passing, row.is_height) == (0, window.passing, window.is_height) for row in self.windows],
             np.bool_,
         )
         rows = np.flatnonzero(~own).tolist()
@@ -485,9 +475,7 @@ class CommonErrors:
     def _offset_weights(self, windows: Sequence[Window], limits: "_Limits", hard: NDArray[np.bool_]) -> Array:
         """Return the weights with the offset that alone costs least, of all on a grid, heights and places apart."""
         axes = np.array([window.direction for window in windows])
-        drift = np.array(
-            [self._receivers[window.log].drift(window.time)[int(window.is_height)] for window in windows]
-        )
+        drift = np.array([self._receivers[window.log].drift(window.time)[int(window.is_height)] for window in windows])
         heights, logs = np.array([window.is_height for window in windows]), np.array([window.log for window in windows])
         loose, weight = replace(limits, deviation=np.hypot(limits.deviation, drift)), np.ones(len(windows))
         for (log, receiver), kind in itertools.product(enumerate(self._receivers), (0, 1)):

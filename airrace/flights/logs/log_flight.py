@@ -188,26 +188,28 @@ def judged_together(logs: Sequence[LogFlight]) -> tuple[LogFlight, ...]:
     A flight that is given twice, and one over other gates than the first, tells nothing of them. Without a gate that
     stands elsewhere every flight is returned as it is.
     """
-    course = [(passage.name, passage.element) for passage in logs[0].flight.course.passages]
-    witnesses: dict[tuple[float, ...], int] = {}
+    course = logs[0].flight.course
+    gates = [(passage.name, passage.element) for passage in course.passages]
+    numbers: dict[tuple[float, ...], list[int]] = {}  # of the logs of each flight
     for number, log in enumerate(logs):
-        if [(passage.name, passage.element) for passage in log.flight.course.passages] == course:
-            witnesses.setdefault(tuple(crossing.time for crossing in log.flight.crossings if crossing.found), number)
-    first, *others = [logs[number].errors.common for number in witnesses.values()]
-    displaced = first.beside(others).displaced if others else {}
-    if not displaced:
+        if [(passage.name, passage.element) for passage in log.flight.course.passages] == gates:
+            flight = tuple(crossing.time for crossing in log.flight.crossings if crossing.found)
+            numbers.setdefault(flight, []).append(number)
+    errors = [logs[same[0]].errors.common for same in numbers.values()]
+    together = errors[0].beside(errors[1:])
+    if len(errors) == 1 or not together.displaced:
         return tuple(logs)
     judged = list(logs)
-    for number, log in enumerate(logs):
-        if [(passage.name, passage.element) for passage in log.flight.course.passages] != course:
-            continue
-        own = tuple(crossing.time for crossing in log.flight.crossings if crossing.found)
-        beside = [logs[place].errors.common for times, place in witnesses.items() if times != own]
-        errors = replace(log.errors, common=log.errors.common.beside(beside, displaced))
-        before = log.errors.common.displacement_remarks
-        remarks = (*(remark for remark in log.remarks if remark not in before), *errors.common.displacement_remarks)
-        broken = violations(log.flight, log.axes, errors, log.penalties)
-        judged[number] = replace(log, errors=errors, remarks=remarks, violations=broken)
+    for own, same in enumerate(numbers.values()):
+        others = [*errors[:own], *errors[own + 1 :]]
+        for number in same:
+            log = logs[number]
+            common = log.errors.common.beside(others, together.displaced)
+            known = replace(log.errors, common=common)
+            broken = violations(log.flight, log.axes, known, log.penalties)
+            before = log.errors.common.displacement_remarks
+            remarks = (*(remark for remark in log.remarks if remark not in before), *common.displacement_remarks)
+            judged[number] = replace(log, errors=known, remarks=remarks, violations=broken)
     return tuple(judged)
 
 
