@@ -32,7 +32,7 @@ TIME_FACTOR = 1.5
 """That of the position for the time of a passing: 68 and 95 % lie within one and two of these deviations."""
 SIDESLIP_MAX = math.radians(15.0)
 """The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not show."""
-UNKNOWN_PULL = 25.0
+UNKNOWN_PULL = 40.0
 """The unknown acceleration where samples are missing, m/s^2."""
 DRIFT_RATE = 0.5
 """The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 20 s

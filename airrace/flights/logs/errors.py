@@ -42,9 +42,9 @@ DRIFT = 1.5
 """The standard deviation of what wanders where the log says nothing of its quality, m; heights by `VERTICAL_RATIO`."""
 DRIFT_TIME = 20.0
 """The time constant of what wanders, s."""
-BREACH_COST = 3.8
-"""What a breach costs, the negative logarithm of its probability (1 in 45). Where one passing or two others have to be
-breaches, these are 3.9 deviations, so that nothing is certain; a third one decides."""
+BREACH_COST = 6.0
+"""What a breach costs, the negative logarithm of its probability (1 in 400). Where one passing or another one has to be
+a breach, these are 3.5 deviations, so that neither is certain; a second other one decides, by 4.9."""
 GATE_DISPLACEMENT = 10.0
 """The standard deviation of the place of a gate that does not stand where the file has it, m."""
 DISPLACEMENT_GAIN = 1.5 * BREACH_COST
