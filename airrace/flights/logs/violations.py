@@ -75,10 +75,9 @@ NONE_KNOWN = Penalties()
 CERTAIN_DEVIATIONS = 4.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
-An optimum touches its limits in some thirty places. Errors of a normal distribution are beyond four deviations on one
-side once in 32,000; those of passings have 0.5 to 0.9 of the deviations that are told, so that it is once in 200,000
-even for the least of them, and less than one log in 5,000 accuses falsely. Five deviations would miss one in twenty
-breaches that truly are so large, for these are measured as less; four miss one in 300.
+An optimum touches its limits in some thirty places, and errors of passings have 0.5 to 1.0 of the deviations that are
+told. Of breaches beyond five deviations a threshold of five misses one in fourteen, for these are measured as less, and
+four one in forty. How often it accuses falsely is measured in `docs/evidence/studies.md`.
 """
 FAR_OFF = 5.0
 """The number of deviations from which on a passing is no legal one whichever of its measures tells."""
