@@ -140,7 +140,7 @@ def _surroundings(race: Race) -> Iterator[list[str]]:
 
 def _speeds(interval: Interval) -> str:
     knots = Interval(*(round(bound / KNOT, 1) for bound in (interval.lower, interval.upper)))
-    return f"{_range(interval, 'm/s')} ({_range(knots, 'kt')})"
+    return f"{_range(knots, 'kt')} ({_range(interval, 'm/s')})"
 
 
 def _range(interval: Interval, unit: str) -> str:

@@ -182,9 +182,13 @@ def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Itera
         yield from _loss_texts(comparison)
         if comparison.cost_to_go is not None:
             yield from cost_to_go_texts(comparison.cost_to_go)
+    flights = [comparisons[0].reference, *(comparison.flight for comparison in comparisons)]
+    displaced = dict.fromkeys(sentence for flight in flights for sentence in flight.source.displaced)
+    if displaced:
+        yield "\n".join(paragraph(sentence, begin="note: ") for sentence in displaced)
     if len(comparisons) == 2:
         yield from _pair_texts(*comparisons)
-    sectors = recorded_sectors([comparisons[0].reference, *(comparison.flight for comparison in comparisons)])
+    sectors = recorded_sectors(flights)
     if sectors is not None:
         yield render(sectors_table(sectors, f"{len(sectors.flights)} recorded flights, sector by sector"), columns=PAGE)
         yield "\n".join(map(paragraph, sectors_notes(sectors)))
@@ -206,6 +210,8 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     for flight in flights:
         if flight.source.verification is not None:
             details.append(f"{flight.label}: {flight.source.verification.remark}")
+        if flight.source.penalties:
+            details.append(f"{flight.label}: penalties of what is certain: {flight.source.penalties}")
     first = paragraph(f"{other.label} against {reference.label}: {verdict}")
     return [first, *(paragraph(detail, begin="  ") for detail in details)]
 

@@ -44,8 +44,8 @@ def open_flights(
     Args:
         texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
         stage: for runs whose names say none; None for their last ones.
-        verify: whether stages of runs are measured again, and imported logs made once more; None where that is no
-            question.
+        verify: whether stages of runs are measured again, and imported logs made once more, and several of them are
+            judged together; None where that is no question.
         comparable: whether they must be of courses with the same passings, which is found out before all else.
 
     Raises:
@@ -95,6 +95,15 @@ def _open_with_files(
         for number, name in enumerate(names):
             if not _is_log(name):
                 sources[number] = _source(name, opened, stage)
+    if verify and sum(isinstance(source, LogView) for source in sources) > 1:
+        from airrace.runs.joint_judgement import log_views_judged_together  # loads what makes flights of logs
+
+        numbers = [number for number, source in enumerate(sources) if isinstance(source, LogView)]
+        views = [source for source in sources if isinstance(source, LogView)]
+        for number, view in zip(numbers, log_views_judged_together(views), strict=True):
+            sources[number] = view
+            if names[number].path in opened:
+                opened[names[number].path] = view
     return opened, [source.flight(label) for source, label in zip(sources, labels, strict=True)]
 
 

@@ -309,6 +309,8 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "certified": flight.source.certified,
         **({} if (verification := flight.source.verification) is None else verification_object(verification)),
         "race_time_s": finite(flight.race_time),
+        **({"penalties": flight.source.penalties} if flight.source.penalties else {}),
+        **({"displaced": list(flight.source.displaced)} if flight.source.displaced else {}),
         "stamp": stamp_object(flight.stamp),
     }
 

@@ -16,7 +16,7 @@ from airrace.flights.logs.violations import Violation
 from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing, Verification
 from airrace.flights.results.clearances import with_distances
 from airrace.flights.results.cost_to_go import CostToGoLoss
-from airrace.pages.views.log_tables import passings_table, violations_table
+from airrace.pages.views.log_tables import passings_table, penalties_text, violations_table
 from airrace.procedure.result import GateSplit
 from airrace.runs.json_objects import cost_to_go_object, finite, legs_object, stamp_object, verification_object
 from airrace.runs.output import write_or_return
@@ -41,12 +41,14 @@ class LogView:
         recorded: what its file holds.
         verification: the outcome of making the flight of the stored log once more; None where that was no question.
         cost_to_go: its losses by the cost to go of a run; None where that was no question. It is stored nowhere.
+        displaced: sentences on the gates that by this and other logs stand elsewhere; they are stored nowhere, either.
     """
 
     inputs: Inputs
     recorded: LogCheckpoint
     verification: Verification | None = None
     cost_to_go: CostToGoLoss | None = None
+    displaced: tuple[str, ...] = ()
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -111,6 +113,8 @@ class LogView:
             remark=" ".join(self.remarks),
             verification=self.verification,
             begins=self.begins,
+            penalties=penalties_text(self.violations),
+            displaced=self.displaced,
         )
         return with_distances(Flight(race, source, checkpoint.time, histories, tuple(crossings)))
 

@@ -59,6 +59,12 @@ UNEVEN_SHARE = 0.2
 CUT_SCATTER = 0.1
 """The relative change of speed from sample to sample from which on times are cut off: 1 g along the path changes 90 m/s
 by 11 % within a second."""
+SPEED_CHANGE = 0.1
+"""The standard deviation of the relative change of speed within a second, 1/s, likewise."""
+CUT_ROUNDING = 1e-6
+"""The share of a step by which a time may lie before it."""
+WAY_MIN = 1.0
+"""The way between two samples below which it says nothing of their times, m."""
 
 
 def guess_notation(text: str) -> str:
@@ -334,35 +340,96 @@ def repair_jumps(time: Array, places: Array, lines: NDArray[np.int64]) -> tuple[
     return repaired, tuple(remarks)
 
 
-def clock_deviation(time: Array, places: Array) -> float:
-    """Return the standard deviation of times that are cut off, s; 0 where they fit the way of the aircraft.
+def cut_step(time: Array, places: Array) -> float:
+    """Return the step to which times are cut off that were not taken on it, s; 0 where there is none.
 
-    Recorders that cut times to whole seconds but do not measure on them show it: steps are uneven, and the speed from
-    sample to sample scatters as no aircraft does.
-
-    Args:
-        time: s, rising, shape (n,).
-        places: north and east, m, shape (2, n).
-    """
-    step, steps = resolution(time), np.diff(time)
-    uneven = np.mean(np.abs(steps - np.median(steps)) > 0.5 * step) if len(steps) else 0.0
-    if step < CUT_MIN or uneven < UNEVEN_SHARE:
-        return 0.0
-    speeds = np.hypot(*np.diff(places)) / steps
-    scatter = float(np.median(np.abs(np.diff(speeds)))) / max(float(np.median(speeds)), RACE_SPEEDS[0])
-    return step / math.sqrt(12.0) if scatter > CUT_SCATTER else 0.0
-
-
-def spread_repeated(time: Array) -> tuple[Array, tuple[str, ...]]:
-    """Return times of which several samples share each one spread over the time to the next, and a remark.
-
-    Recorders of 5 Hz that write whole seconds do so. Where most samples have a time of their own nothing is changed.
+    Recorders that cut times to whole seconds but do not measure on them show it: seconds hold several samples, but not
+    all as many; or steps are uneven, and the speed from sample to sample scatters as no aircraft's does.
 
     Args:
         time: s, not falling, shape (n,).
+        places: north and east, m, shape (2, n); NaN where they are not known.
+    """
+    placed = np.isfinite(places).all(axis=0)
+    time, places = time[placed], places[:, placed]
+    step = resolution(time)
+    if step < CUT_MIN:
+        return 0.0
+    first = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
+    counts, steps = np.diff(first, append=len(time)), np.diff(time[first])
+    if counts[counts > 1].sum() > 0.5 * len(time):
+        return step if np.ptp(counts[1:-1]) > 0 else 0.0
+    uneven = np.mean(np.abs(steps - np.median(steps)) > 0.5 * step)
+    speeds = np.hypot(*np.diff(places[:, first])) / steps
+    scatter = float(np.median(np.abs(np.diff(speeds)))) / max(float(np.median(speeds)), RACE_SPEEDS[0])
+    return step if uneven > UNEVEN_SHARE and scatter > CUT_SCATTER else 0.0
+
+
+def repair_cut(time: Array, places: Array, step: float) -> tuple[Array, Array]:
+    """Return times that were cut off as the way tells them, and their standard deviations, s, each of shape (n,).
+
+    The first sample with each time was taken within the step, or within the usual time between two samples, behind it.
+    From one such sample to the next, the time that a metre takes changes little. With `t_i` for their true times, `z_i`
+    and `s_i` for the middles and the deviations of these intervals, `d_i` for the way to the next one and `w_i` for
+    `(t_(i+1) - t_i) / d_i`,
+
+        sum_i (t_i - z_i)^2 / s_i^2 + sum_i (w_i - w_(i-1))^2 / q_i^2  ->  min
+
+    where `q_i` is `SPEED_CHANGE` times the usual `w` and the time between the middles of both ways. What is between
+    these samples follows from its share of the way.
+
+    Args:
+        time: s, rising, shape (n,), with the whole step before each.
+        places: north and east, m, shape (2, n), all finite.
+        step: s.
+    """
+    stamps = np.floor(time / step + CUT_ROUNDING) * step
+    ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places)))])
+    first = np.flatnonzero(np.diff(stamps, prepend=-np.inf) > 0.0)
+    first = first[np.diff(ways[first], prepend=-np.inf) > WAY_MIN]
+    if len(first) < 3:
+        return time, np.full(len(time), step / math.sqrt(12.0))
+    within = np.full(len(first), min(step, (time[-1] - time[0]) / (len(time) - 1)))
+    within[0] = step  # the log may begin anywhere
+    way, took = np.diff(ways[first]), np.diff(stamps[first])
+    change = SPEED_CHANGE * float(np.median(took / way)) * 0.5 * (took[1:] + took[:-1])
+    rows, slower = np.arange(len(first) - 2), np.zeros((len(first) - 2, len(first)))
+    slower[rows, rows] = 1.0 / way[:-1]
+    slower[rows, rows + 1] = -1.0 / way[:-1] - 1.0 / way[1:]
+    slower[rows, rows + 2] = 1.0 / way[1:]
+    certainty = 12.0 / within**2
+    covariance = np.linalg.inv(np.diag(certainty) + slower.T @ (slower / change[:, None] ** 2))
+    true = covariance @ (certainty * (stamps[first] + 0.5 * within))
+    deviation = np.sqrt(np.diag(covariance))
+    if not (np.diff(true) > 0.0).all():
+        return time, np.full(len(time), step / math.sqrt(12.0))
+    return _along(ways, ways[first], true), np.interp(ways, ways[first], deviation)
+
+
+def _along(ways: Array, known: Array, times: Array) -> Array:
+    """Return the times at some ways by those at known ones, between which they rise smoothly, and straight outside."""
+    from scipy.interpolate import PchipInterpolator  # every command loads this module, and few repair a clock
+
+    inside = np.asarray(PchipInterpolator(known, times)(np.clip(ways, known[0], known[-1])), np.float64)
+    before, behind = (np.diff(times) / np.diff(known))[[0, -1]]
+    return inside + before * np.minimum(ways - known[0], 0.0) + behind * np.maximum(ways - known[-1], 0.0)
+
+
+def spread_repeated(time: Array, step: float = 0.0) -> tuple[Array, tuple[str, ...]]:
+    """Return times of which several samples share each one spread over the time to the next, and a remark.
+
+    Recorders of 5 Hz that write whole seconds do so. Where most samples have a time of their own nothing is changed,
+    unless times are known to be cut off; then how they are spread is no matter of a remark.
+
+    Args:
+        time: s, not falling, shape (n,).
+        step: to which times are cut off, s; 0 where they are not known to be.
     """
     starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
     counts = np.diff(starts, append=len(time))
+    if step > 0.0:
+        group = np.repeat(np.arange(len(starts)), counts)
+        return time + (np.arange(len(time)) - starts[group]) * step / counts[group], ()
     if len(starts) < 2 or counts[counts > 1].sum() <= 0.5 * len(time):
         return time, ()
     often = np.bincount(counts)

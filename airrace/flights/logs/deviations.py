@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from airrace.flights.logs.clocks import clock_deviation
 from airrace.flights.logs.errors import CommonErrors
 from airrace.flights.logs.histories import HOLE, between_samples, samples_of
 from airrace.flights.logs.recording import EARTH_RADIUS, Recording, rounding
@@ -21,11 +20,11 @@ from airrace.optimal_control.trajectory import Array
 # divided by those deviations, had root mean squares of 0.5 to 2 and tails beyond that of a normal distribution: the
 # greatest ones of a thousand were 8 (over ground), 8 (height), 13 (velocity) and 13 (acceleration).
 ACROSS_FACTOR = 2.3
-"""The factor of the standard deviation over ground; with these factors five deviations are beyond all errors that were
+"""The factor of the standard deviation over ground; with these factors four deviations are beyond all errors that were
 measured."""
 UP_FACTOR = 2.7
 """That of heights."""
-VELOCITY_FACTOR = 3.0
+VELOCITY_FACTOR = 3.75
 """That of velocities."""
 ACCELERATION_FACTOR = 4.0
 """That of accelerations."""
@@ -33,7 +32,7 @@ TIME_FACTOR = 1.5
 """That of the position for the time of a passing: 68 and 95 % lie within one and two of these deviations."""
 SIDESLIP_MAX = math.radians(15.0)
 """The largest sideslip, rad; it rolls a body that is pitched up, which a roll without heading does not show."""
-UNKNOWN_PULL = 25.0
+UNKNOWN_PULL = 40.0
 """The unknown acceleration where samples are missing, m/s^2."""
 DRIFT_RATE = 0.5
 """The ratio of an error of the velocity behind the smoother to one of the positions that wanders for 20 s
@@ -109,11 +108,11 @@ def deviations_of(
     }
     half_span = 0.5 * flight.aircraft.airframe.b
     placed = part.select(np.isfinite(part.columns["x"]))
-    places = placed.time
+    places, heights = placed.time, placed.time[np.isfinite(placed.columns["height"])]
     residuals = np.stack([placed.columns[name] for name in ("x", "y", "height")]) - path.at(places)[0]
     residuals[:, path.outliers] = np.nan
     usual = float(np.median(np.diff(places)))
-    clock = clock_deviation(places, np.stack([placed.columns[name] for name in ("x", "y")]))
+    clocks = placed.columns.get("clock_deviation", np.zeros(len(places)))
 
     def bias(time: float) -> tuple[float, float]:
         """Return the mean distance of the positions around a time from the path, over ground and of heights, m."""
@@ -136,12 +135,11 @@ def deviations_of(
         )
         zero = 0.0 if own else math.hypot(mean[2], math.sqrt(max(float(covariance[2, 2]), 0.0)))
         raw = path.deviations(np.array([offset + time]))[:, :, 0]
+        (lost, lost_speed), (sag, lost_climb) = (
+            _lost_between(times, offset + time, usual) for times in (places, heights)
+        )
         place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
         between = float(places[place] - places[place - 1])
-        step = between if between > MISSING_FACTOR * usual else 0.0
-        outside = max(places[0] - (offset + time), offset + time - places[-1], 0.0)  # the path goes straight on there
-        since = min(max(offset + time - float(places[place - 1]), 0.0), between)
-        lost = UNKNOWN_PULL * math.hypot(since * (between - since) / 2.0, outside**2 / 2.0)  # a sag between samples
         smoothed = bias(offset + time)
         noise = float(raw[0, :2].max()), float(least[:2].max())
         across = math.hypot(ACROSS_FACTOR * noise[0], noise[1], lost, smoothed[0], 0.0 if own else beside)
@@ -152,15 +150,15 @@ def deviations_of(
         speed = math.hypot(
             VELOCITY_FACTOR * float(raw[1].max()),
             DRIFT_RATE * drift[1],
-            UNKNOWN_PULL * math.hypot(step / 4.0, outside),
+            max(lost_speed, lost_climb),
         )
         pull = math.hypot(ACCELERATION_FACTOR * float(raw[2].max()), DRIFT_RATE_2 * drift[1])
         direction = math.atan2(speed, max(V_K, 1.0))
-        when = math.hypot(along / max(V_K * math.cos(gamma), 1.0), clock)
+        when = math.hypot(along / max(V_K * math.cos(gamma), 1.0), float(np.interp(offset + time, places, clocks)))
         turned = math.hypot(direction, when * abs(n_z) * g0 / max(V_K, 1.0))
         climbing = when * V_K * math.sin(gamma)
         up = math.hypot(
-            UP_FACTOR * float(raw[0, 2]), float(least[2]), zero, lost, smoothed[1], bend, 0.0 if own else climbing
+            UP_FACTOR * float(raw[0, 2]), float(least[2]), zero, sag, smoothed[1], bend, 0.0 if own else climbing
         )
         bank = math.nan
         if roll is not None:
@@ -178,6 +176,23 @@ def deviations_of(
         return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, load_deviation, when)
 
     return at
+
+
+def _lost_between(times: Array, time: float, usual: float) -> tuple[float, float]:
+    """Return the standard deviations of what is lost of place and speed between two samples, m and m/s.
+
+    Args:
+        times: of the samples, s.
+        time: at which the flight is, s.
+        usual: step between samples, s.
+    """
+    place = min(max(int(np.searchsorted(times, time)), 1), len(times) - 1)
+    between = float(times[place] - times[place - 1])
+    step = between if between > MISSING_FACTOR * usual else 0.0
+    outside = max(times[0] - time, time - times[-1], 0.0)  # the path goes straight on there
+    since = min(max(time - float(times[place - 1]), 0.0), between)
+    sag = UNKNOWN_PULL * math.hypot(since * (between - since) / 2.0, outside**2 / 2.0)
+    return sag, UNKNOWN_PULL * math.hypot(step / 4.0, outside)
 
 
 class _ErrorHistory:

@@ -16,9 +16,11 @@ Whether a passing is a breach is a likelihood ratio: by how much `J` of all othe
     D^2 = 2 (min J with the passing within its limits - min J without it)
 
 With windows of no width and without breaches that is the usual test: the distance from what the others predict, over
-the standard deviation of the prediction. `docs/flown_logs.md` derives it.
+the standard deviation of the prediction. Several logs of one course have errors of their own each, and share those of
+the places of gates. `docs/flown_logs.md` derives it.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,12 +43,20 @@ DRIFT = 1.5
 DRIFT_TIME = 20.0
 """The time constant of what wanders, s."""
 BREACH_COST = 6.0
-"""What a breach costs, the negative logarithm of its probability (1 in 400). Where one passing or two others have to be
-breaches, these are 4.9 deviations, so that nothing is certain; a third one decides."""
+"""What a breach costs, the negative logarithm of its probability (1 in 400). Where one passing or another one has to be
+a breach, these are 3.5 deviations, so that neither is certain; a second other one decides, by 4.9."""
 GATE_DISPLACEMENT = 10.0
 """The standard deviation of the place of a gate that does not stand where the file has it, m."""
 DISPLACEMENT_GAIN = 1.5 * BREACH_COST
 """The gain from which on a gate is taken to stand elsewhere: more than one breach."""
+EDGE_COST = 0.25
+"""What a passing along the edge of its gate costs in the mean, beyond which it is in every second log: a gate that
+stands elsewhere gains as much for nothing."""
+OBJECTION = 2.0
+"""The number of deviations from which on a passing objects to the place of its gate; of a gate that stands elsewhere
+two do."""
+PLACES_EXTENT, PLACES_POINTS = 4.0, 161
+"""The places of a gate that are tried, by `GATE_DISPLACEMENT`: up to so many, and their number by axis."""
 OFFSET_REPORTED = 0.2
 """The offset from which on it is reported, m."""
 DEVIATION_MIN = 1e-3
@@ -74,6 +84,7 @@ class Window:
             which it is measured an error along that moves the passing, too.
         lower, upper: the errors with which the passing is legal, m.
         deviation: by which it is known beside the common errors, m.
+        log: of several ones that are judged together the number of its log, 0 for the log itself.
     """
 
     passing: str
@@ -83,6 +94,7 @@ class Window:
     lower: float
     upper: float
     deviation: float
+    log: int = 0
 
     @property
     def excess(self) -> float:
@@ -117,56 +129,100 @@ class _Fit:
     share: Array
 
 
-class CommonErrors:
-    """The errors that the samples of a log share.
+@dataclass(frozen=True)
+class Displacement:
+    """By how much a gate stands beside its place in the course's file.
 
-    Args:
+    Attributes:
+        north, east: m.
+        deviation: standard deviation along that direction, m.
+    """
+
+    north: float
+    east: float
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Receiver:
+    """What the errors of a log's positions are like.
+
+    Attributes:
         time: of the samples, s, shape (n,).
         accuracy: of the receiver, at these times.
         stated: whether the user states the accuracy, which then includes offsets.
         barometric: whether heights are those of a barometer.
+    """
+
+    time: Array
+    accuracy: ReceiverAccuracy
+    stated: bool = False
+    barometric: bool = False
+
+    @property
+    def offsets(self) -> tuple[float, float]:
+        """The standard deviations of what all samples share, over ground and of heights, m."""
+        place, height = (0.0, 0.0) if self.stated else (PLACE_OFFSET, HEIGHT_OFFSET)
+        return place, math.hypot(height, BAROMETER if self.barometric else 0.0)
+
+    def drift(self, time: float) -> tuple[float, float]:
+        """Return the standard deviations of what wanders, over ground and of heights, m."""
+        if not self.accuracy.source:
+            return DRIFT, VERTICAL_RATIO * DRIFT
+        across, up = (np.interp(time, self.time, values) for values in (self.accuracy.across, self.accuracy.up))
+        return float(across), float(up)
+
+
+class CommonErrors:
+    """The errors that the samples of a log share.
+
+    Args:
+        receiver: of the log.
         windows: what the passings measure of the errors beyond the registration.
         registration: by which all samples are taken to be off, and have been moved, north, east and up, m, shape (3,).
+        others: of logs over the same course, which tell with this one where its gates stand.
+        displaced: the gates that stand elsewhere, by their names; None to find them.
     """
 
     def __init__(
         self,
-        time: Array,
-        accuracy: ReceiverAccuracy,
-        *,
-        stated: bool = False,
-        barometric: bool = False,
+        receiver: Receiver,
         windows: Sequence[Window] = (),
         registration: Array | None = None,
+        *,
+        others: Sequence["CommonErrors"] = (),
+        displaced: Mapping[str, Displacement] | None = None,
     ) -> None:
-        self._time, self._accuracy, self._stated, self._barometric = time, accuracy, stated, barometric
-        place, height = (0.0, 0.0) if stated else (PLACE_OFFSET, HEIGHT_OFFSET)
-        self._offsets = place, math.hypot(height, BAROMETER if barometric else 0.0)
+        self._receivers: list[Receiver] = [receiver, *(other._receivers[0] for other in others)]
+        self._beyond_registration = windows
         self.registration = np.zeros(3) if registration is None else registration
         self.windows = [self._in_all(window) for window in windows if window.informative]
-        self.displaced: Mapping[str, tuple[float, float]] = {}
+        for number, other in enumerate(others, start=1):
+            self.windows += [replace(window, log=number) for window in other.windows if window.log == 0]
+        self.displaced: Mapping[str, Displacement] = {} if displaced is None else displaced
         self._evaluate()
-        self.displaced = self._displacements()
-        if self.displaced:
-            self._evaluate()
+        if displaced is None:
+            self.displaced = self._displacements()
 
     def with_windows(self, windows: Sequence[Window], registration: Array) -> "CommonErrors":
         """Return the errors as the passings of the registered flight measure them."""
-        return CommonErrors(
-            self._time,
-            self._accuracy,
-            stated=self._stated,
-            barometric=self._barometric,
-            windows=windows,
-            registration=registration,
-        )
+        return CommonErrors(self._receivers[0], windows, registration)
+
+    def beside(
+        self, others: Sequence["CommonErrors"], displaced: Mapping[str, Displacement] | None = None
+    ) -> "CommonErrors":
+        """Return the errors of this log as the passings of other logs over the same course tell them, too.
+
+        Args:
+            others: the errors of those logs.
+            displaced: the gates that stand elsewhere; None to find them.
+        """
+        receiver, windows = self._receivers[0], self._beyond_registration
+        return CommonErrors(receiver, windows, self.registration, others=others, displaced=displaced)
 
     def drift(self, time: float) -> tuple[float, float]:
-        """Return the standard deviations of what wanders, over ground and of heights, m."""
-        if not self._accuracy.source:
-            return DRIFT, VERTICAL_RATIO * DRIFT
-        across, up = (np.interp(time, self._time, values) for values in (self._accuracy.across, self._accuracy.up))
-        return float(across), float(up)
+        """Return the standard deviations of what wanders in the log, over ground and of heights, m."""
+        return self._receivers[0].drift(time)
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Return mean and covariance of the errors of the registered flight at a time, m and m^2.
@@ -187,7 +243,7 @@ class CommonErrors:
     @property
     def offset(self) -> Array:
         """The error in the mean over the passings, north, east and up, m, shape (3,)."""
-        times = {window.time for window in self.windows}
+        times = {window.time for window in self.windows if window.log == 0}
         return np.mean([self.at(time)[0] for time in times], axis=0) + self.registration if times else np.zeros(3)
 
     def judge(self, window: Window) -> Judgement:
@@ -196,7 +252,8 @@ class CommonErrors:
             return Judgement(0.0, 0.0)
         judged, registered = self._in_all(window), float(self.registration @ window.direction)
         own = np.array(
-            [(row.passing, row.is_height) == (window.passing, window.is_height) for row in self.windows], np.bool_
+            [(row.log, row.passing, row.is_height) == (0, window.passing, window.is_height) for row in self.windows],
+            np.bool_,
         )
         rows = np.flatnonzero(~own).tolist()
         towards = self._covariance([judged], [self.windows[row] for row in rows])[0]
@@ -236,10 +293,18 @@ class CommonErrors:
             )
         if self.registration.any():
             remarks.append("the flight is moved by as much before it is judged")
-        for gate, (north, east) in self.displaced.items():
+        return (*remarks, *self.displacement_remarks)
+
+    @property
+    def displacement_remarks(self) -> tuple[str, ...]:
+        """Sentences on the gates that seem to stand elsewhere."""
+        remarks: list[str] = []
+        for gate, place in self.displaced.items():
+            logs = {window.log for window in self.windows if window.gate == gate}
+            who = f"the passings of {len(logs)} logs" if len(logs) > 1 else "its passings"
             remarks.append(
-                f"{gate} seems to stand {_direction(north, east)} of its place in the course's file: so its passings "
-                "agree, and so they are judged"
+                f"{gate} seems to stand {_direction(place.north, place.east, place.deviation)} of its place in the "
+                f"course's file: so {who} agree, and so they are judged"
             )
         return tuple(remarks)
 
@@ -255,25 +320,29 @@ class CommonErrors:
             (
                 np.array([window.time for window in windows]),
                 np.array([window.direction for window in windows]).reshape(-1, 3),
-                np.array([self.drift(window.time) for window in windows]).reshape(-1, 2),
+                np.array([self._receivers[window.log].drift(window.time) for window in windows]).reshape(-1, 2),
             )
             for windows in (rows, columns)
         )
+        row_log, column_log = (np.array([window.log for window in windows], int) for windows in (rows, columns))
+        same = row_log[:, None] == column_log
+        offsets = np.array([receiver.offsets for receiver in self._receivers])[row_log]
         kept = np.exp(-np.abs(row_time[:, None] - column_time) / DRIFT_TIME)
         ground, height = row_axes[:, :2] @ column_axes[:, :2].T, row_axes[:, 2:] @ column_axes[:, 2:].T
         covariance = np.zeros_like(kept)
         for kind, along in enumerate((ground, height)):
-            covariance += along * (self._offsets[kind] ** 2 + row_drift[:, kind, None] * column_drift[:, kind] * kept)
+            drift = row_drift[:, kind, None] * column_drift[:, kind] * kept
+            covariance += along * same * (offsets[:, kind, None] ** 2 + drift)
         for gate in self.displaced:
             stands = [np.array([window.gate == gate for window in windows], float) for windows in (rows, columns)]
             covariance += GATE_DISPLACEMENT**2 * np.outer(*stands) * ground
         return covariance
 
-    def _evaluate(self) -> None:
-        """Find the errors of the least cost, and what their covariance is made of."""
+    def _evaluate(self, *starts: Array) -> None:
+        """Find the errors of the least cost, and what their covariance is made of; weights to start from, too."""
         self._K = self._covariance(self.windows, self.windows)
         everything = np.ones(len(self.windows))
-        self._fit = self._least(list(range(len(self.windows))), None, [everything])
+        self._fit = self._least(list(range(len(self.windows))), None, [everything, *starts])
         self._limiting = [
             row
             for row, window in enumerate(self.windows)
@@ -285,23 +354,82 @@ class CommonErrors:
         scatter = np.diag(own**2 + free**2 / 3.0) + np.outer(free, free) / 3.0
         self._information = np.linalg.inv(self._K[np.ix_(self._limiting, self._limiting)] + scatter)
 
-    def _displacements(self) -> dict[str, tuple[float, float]]:
-        """Return by how much gates stand beside the file, north and east, m, that several passings miss likewise."""
-        plain, moved = self._fit, dict[str, tuple[float, float]]()
+    def _displacements(self) -> dict[str, Displacement]:
+        """Return by how much gates stand beside the file that several passings miss likewise, the clearest ones first.
+
+        What a gate that stands elsewhere does to the errors of others is undone before these are looked at.
+        """
         ground = [row for row, window in enumerate(self.windows) if not window.is_height]
-        for gate in dict.fromkeys(self.windows[row].gate for row in ground):
-            rows = [row for row in ground if self.windows[row].gate == gate]
-            if np.count_nonzero(plain.share[rows] < BREACH_SHARE) < 2:
-                continue
-            self.displaced = {gate: (0.0, 0.0)}
-            self._evaluate()
-            if plain.cost - self._fit.cost > DISPLACEMENT_GAIN:
-                pull = self._fit.force[rows] @ np.array([self.windows[row].direction[:2] for row in rows])
-                north, east = (GATE_DISPLACEMENT**2 * pull).tolist()
-                moved[gate] = (north, east)
-            self.displaced = {}
-        self._evaluate()
-        return moved
+        rows_of: dict[str, list[int]] = {}
+        for row in ground:
+            rows_of.setdefault(self.windows[row].gate, []).append(row)
+        moved: dict[str, Displacement] = {}
+        while True:
+            plain, clearest = self._fit, (0.0, "", moved)
+            for gate, rows in rows_of.items():
+                if gate in moved or len(rows) < 2 or (plain.share[rows] == 1.0).all():
+                    continue
+                agreeing = plain.share.copy()
+                agreeing[rows] = 1.0
+                self.displaced = {**moved, gate: Displacement(0.0, 0.0, GATE_DISPLACEMENT)}
+                self._evaluate(agreeing)
+                gain = plain.cost - self._fit.cost - DISPLACEMENT_GAIN - EDGE_COST * len(rows)
+                if gain > clearest[0] and self._objections(gate) > 1:
+                    clearest = gain, gate, {**moved, gate: self._displacement(gate)}
+            _, gate, moved = clearest
+            self.displaced = moved
+            share = plain.share.copy()
+            share[rows_of.get(gate, [])] = 1.0
+            self._evaluate(share)
+            if not gate:
+                return {name: self._displacement(name) for name in moved}
+
+    def _objections(self, gate: str) -> int:
+        """Return how many passings object to the place that a gate has in the file."""
+        _, limits, mean, covariance = self._expected(gate)
+        beyond = np.abs(mean - np.clip(mean, limits.lower, limits.upper))
+        return int(np.count_nonzero(beyond > OBJECTION * np.sqrt(np.diag(covariance))))
+
+    def _displacement(self, gate: str) -> Displacement:
+        """Return where a gate stands: of the places from which no passing objects one is as likely as any other, but
+        for what is known beforehand.
+        """
+        directions, limits, mean, covariance = self._expected(gate)
+        line = GATE_DISPLACEMENT * np.linspace(-PLACES_EXTENT, PLACES_EXTENT, PLACES_POINTS)
+        tried = np.stack([values.ravel() for values in np.meshgrid(line, line)], axis=1)
+        errors = mean + tried @ directions.T
+        beyond = errors - np.clip(errors, limits.lower, limits.upper)
+        square = np.sum(beyond * np.linalg.solve(covariance, beyond.T).T, axis=1)
+        square += np.sum((tried / GATE_DISPLACEMENT) ** 2, axis=1)
+        weight = np.exp(-0.5 * (square - square.min()))
+        weight /= weight.sum()
+        place = weight @ tried
+        along = (tried - place) @ (place / max(float(np.linalg.norm(place)), DEVIATION_MIN))
+        return Displacement(float(place[0]), float(place[1]), math.sqrt(float(weight @ along**2)))
+
+    def _expected(self, gate: str) -> tuple[Array, "_Limits", Array, Array]:
+        """Return what the passings of all other gates tell of the errors at those of a gate that may stand elsewhere.
+
+        Left out are its passings that are breaches wherever it stands.
+
+        Returns:
+            Directions over ground, shape (m, 2), limits, means, m, shape (m,), and covariance with what else they are
+            known by, m^2, shape (m, m).
+        """
+        windows, K = self.windows, self._K
+        of_gate = [row for row, window in enumerate(windows) if window.gate == gate and not window.is_height]
+        rows = [row for row in of_gate if self._fit.share[row] > BREACH_SHARE] or of_gate
+        others = [row for row, window in enumerate(windows) if window.gate != gate]
+        limiting = [row for row in self._limiting if windows[row].gate != gate]
+        places = [self._limiting.index(row) for row in limiting]
+        directions = np.array([windows[row].direction[:2] for row in rows])
+        limits = _Limits(*(np.array([getattr(windows[row], name) for row in rows]) for name in _LIMITS))
+        mean = K[np.ix_(rows, others)] @ self._least(others, None, [self._fit.share[others]], thorough=False).force
+        scatter = np.linalg.inv(self._information)[np.ix_(places, places)]
+        towards = K[np.ix_(rows, limiting)]
+        covariance = K[np.ix_(rows, rows)] - GATE_DISPLACEMENT**2 * directions @ directions.T
+        covariance += np.diag(limits.deviation**2) - towards @ np.linalg.solve(scatter, towards.T)
+        return directions, limits, mean, covariance
 
     def _least(
         self, rows: Sequence[int], legal: Window | None = None, starts: Sequence[Array] = (), *, thorough: bool = True
@@ -347,11 +475,12 @@ class CommonErrors:
     def _offset_weights(self, windows: Sequence[Window], limits: "_Limits", hard: NDArray[np.bool_]) -> Array:
         """Return the weights with the offset that alone costs least, of all on a grid, heights and places apart."""
         axes = np.array([window.direction for window in windows])
-        drift = np.array([self.drift(window.time)[int(window.is_height)] for window in windows])
-        heights = np.array([window.is_height for window in windows])
+        drift = np.array([self._receivers[window.log].drift(window.time)[int(window.is_height)] for window in windows])
+        heights, logs = np.array([window.is_height for window in windows]), np.array([window.log for window in windows])
         loose, weight = replace(limits, deviation=np.hypot(limits.deviation, drift)), np.ones(len(windows))
-        for kind, of_kind in enumerate((~heights, heights)):
-            deviation = math.hypot(self._offsets[kind], float(drift.max(initial=0.0)))
+        for (log, receiver), kind in itertools.product(enumerate(self._receivers), (0, 1)):
+            of_kind = (logs == log) & (heights == bool(kind))
+            deviation = math.hypot(receiver.offsets[kind], float(drift[of_kind].max(initial=0.0)))
             line = deviation * np.linspace(-GRID_EXTENT, GRID_EXTENT, GRID_POINTS[kind])
             if kind:
                 offsets = np.stack([0.0 * line, 0.0 * line, line], axis=1)
@@ -360,7 +489,7 @@ class CommonErrors:
                 offsets = np.stack([north, east, 0.0 * north], axis=1)
             square = loose.square(offsets @ axes.T)[:, of_kind]
             paid = np.where(hard[of_kind], square, BREACH_COST * (1.0 - np.exp(-square / BREACH_COST))).sum(axis=1)
-            least = int(np.argmin(paid + 0.5 * np.sum((offsets / deviation) ** 2, axis=1)))
+            least = int(np.argmin(paid + 0.5 * np.sum((offsets / max(deviation, DEVIATION_MIN)) ** 2, axis=1)))
             weight[of_kind] = np.where(hard[of_kind], 1.0, np.exp(-square[least] / BREACH_COST))
         return weight
 
@@ -417,8 +546,9 @@ class _Limits:
         return force
 
 
-def _direction(north: float, east: float) -> str:
-    """Return a distance in words, `6 m to the east`."""
+def _direction(north: float, east: float, deviation: float | None = None) -> str:
+    """Return a distance in words, `6 m to the east`, or `6 +- 1 m to the east`."""
     names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
     toward = names[round(math.atan2(east, north) / (0.25 * math.pi)) % 8]
-    return f"{plain_number(math.hypot(north, east), 2)} m to the {toward}"
+    known = "" if deviation is None else f" +- {plain_number(deviation, 2)}"
+    return f"{plain_number(math.hypot(north, east), 2)}{known} m to the {toward}"

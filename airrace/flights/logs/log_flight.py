@@ -8,8 +8,9 @@ from functools import partial
 import numpy as np
 
 from airrace.errors import InputError
+from airrace.flights.logs.clocks import repair_cut
 from airrace.flights.logs.deviations import deviations_of, place_roundings
-from airrace.flights.logs.errors import CommonErrors
+from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.histories import log_histories
 from airrace.flights.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
 from airrace.flights.logs.plausibility import in_feet_if_so, plausible, roll_offsets
@@ -66,6 +67,9 @@ class LogFlight:
         remarks: for the reader, as sentences.
         noise: standard deviation of the positions that was given, m; None where it was estimated.
         assumption: the accuracy that judgements assume, in words.
+        axes: along which axis each element was passed, rad, by the names of the passages.
+        errors: how well the flight is known.
+        penalties: of the season.
     """
 
     flight: Flight
@@ -76,6 +80,9 @@ class LogFlight:
     remarks: tuple[str, ...]
     noise: float | None
     assumption: str
+    axes: Mapping[str, float]
+    errors: FlightErrors
+    penalties: Penalties
 
 
 def flight_from_log(
@@ -108,7 +115,31 @@ def flight_from_log(
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
     framed = in_feet_if_so(framed, race, chosen).raised(height_offset)
     within = (framed.time >= chosen.begin - SMOOTHED_MARGIN) & (framed.time <= chosen.end + SMOOTHED_MARGIN)
-    return flight_of_part(framed.select(within, *remarks), race, label=label, penalties=penalties, noise=noise)
+    part = _with_repaired_clock(framed.select(within, *remarks))
+    return flight_of_part(part, race, label=label, penalties=penalties, noise=noise)
+
+
+def _with_repaired_clock(part: Recording) -> Recording:
+    """Return a part of a recording whose times are cut off with those that the way tells, and a remark.
+
+    Samples without a position, as of an attitude, keep their place between those that have one.
+    """
+    if not part.cut:
+        return part
+    placed = np.flatnonzero(np.isfinite(part.columns["x"]) & np.isfinite(part.columns["y"]))
+    time, deviation = repair_cut(
+        part.time[placed], np.stack([part.columns[name][placed] for name in ("x", "y")]), part.cut
+    )
+    cut = "whole seconds" if part.cut == 1.0 else f"steps of {plain_number(part.cut, 3)} s"
+    remark = f"times are cut to {cut} at an uneven rate"
+    usual = plain_number(float(np.median(deviation)), 2)
+    if np.array_equal(time, part.time[placed]):
+        remark += f", and the way tells no others: they are known to {usual} s"
+    else:
+        remark += f": the way between them tells them to {usual} s"
+    all_time = np.interp(part.time, part.time[placed], time)
+    columns = {**part.columns, "clock_deviation": np.interp(part.time, part.time[placed], deviation)}
+    return replace(part, time=all_time, columns=columns).select(np.ones(len(all_time), bool), remark)
 
 
 def flight_of_part(
@@ -126,7 +157,7 @@ def flight_of_part(
     path = smooth(placed.time, places, noise, least)
     part = plausible(part, path, race)
     accuracy = receiver_accuracy(part)
-    common = CommonErrors(part.time, accuracy, stated=part.accuracy is not None, barometric=part.barometric)
+    common = CommonErrors(Receiver(part.time, accuracy, stated=part.accuracy is not None, barometric=part.barometric))
     registrations = 0
     while True:
         moved = replace(path, position=path.position - common.registration[:, None])
@@ -146,7 +177,40 @@ def flight_of_part(
     losses = [loss] if (loss := accuracy.loss(part.time - run.begin)) else []
     remarks = (*part.remarks, *losses, *common.remarks, *offsets, *_remarks(placed, path, flight, accuracies))
     broken = violations(flight, axes, errors, penalties)
-    return LogFlight(flight, broken, accuracies, part, run.begin, remarks, noise, accuracy.text)
+    return LogFlight(
+        flight, broken, accuracies, part, run.begin, remarks, noise, accuracy.text, axes, errors, penalties
+    )
+
+
+def judged_together(logs: Sequence[LogFlight]) -> tuple[LogFlight, ...]:
+    """Return flights over one course as they are judged with gates where all of them together tell that these stand.
+
+    A flight that is given twice, and one over other gates than the first, tells nothing of them. Without a gate that
+    stands elsewhere every flight is returned as it is.
+    """
+    course = logs[0].flight.course
+    gates = [(passage.name, passage.element) for passage in course.passages]
+    numbers: dict[tuple[float, ...], list[int]] = {}  # of the logs of each flight
+    for number, log in enumerate(logs):
+        if [(passage.name, passage.element) for passage in log.flight.course.passages] == gates:
+            flight = tuple(crossing.time for crossing in log.flight.crossings if crossing.found)
+            numbers.setdefault(flight, []).append(number)
+    errors = [logs[same[0]].errors.common for same in numbers.values()]
+    together = errors[0].beside(errors[1:])
+    if len(errors) == 1 or not together.displaced:
+        return tuple(logs)
+    judged = list(logs)
+    for own, same in enumerate(numbers.values()):
+        others = [*errors[:own], *errors[own + 1 :]]
+        for number in same:
+            log = logs[number]
+            common = log.errors.common.beside(others, together.displaced)
+            known = replace(log.errors, common=common)
+            broken = violations(log.flight, log.axes, known, log.penalties)
+            before = log.errors.common.displacement_remarks
+            remarks = (*(remark for remark in log.remarks if remark not in before), *common.displacement_remarks)
+            judged[number] = replace(log, errors=known, remarks=remarks, violations=broken)
+    return tuple(judged)
 
 
 def _find_run(race: Race, part: Recording, path: Path) -> CourseRun:

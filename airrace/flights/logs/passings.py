@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.flights.logs.clocks import repair_jumps, spread_repeated, true_times
+from airrace.flights.logs.clocks import cut_step, repair_jumps, spread_repeated, true_times
 from airrace.flights.logs.recording import Recording, count_of, ground, refuse, repeats
 from airrace.model.track.course import Passage, metres
 from airrace.optimal_control.trajectory import Array
@@ -73,8 +73,9 @@ def in_order(recording: Recording) -> Recording:
     recording = recording.select(forwards, *remarks)
     time, remarks = repair_jumps(recording.time, ground(recording.columns), recording.lines)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
-    time, remarks = spread_repeated(recording.time)
-    recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
+    cut = cut_step(recording.time, ground(recording.columns))
+    time, remarks = spread_repeated(recording.time, cut)
+    recording = replace(recording, time=time, cut=cut).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
     placed = _place(recording)
     recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]

@@ -58,6 +58,8 @@ class Recording:
         accuracy: standard deviation of all that positions are off by together, or for seconds, m, as it is stated; None
             for what the log says itself, see `quality`.
         label: of the aircraft or track, where there are others.
+        cut: the step to which its times are cut off, s; 0 where they are not. How well they are known once they are
+            repaired is its column `clock_deviation`, s.
     """
 
     path: str
@@ -73,6 +75,7 @@ class Recording:
     barometric: bool = False
     accuracy: float | None = None
     label: str = ""
+    cut: float = 0.0
 
     def raised(self, offset: float) -> "Recording":
         """Return the recording with an offset of all heights, m, and a remark on it."""

@@ -72,14 +72,15 @@ class Penalties:
 
 NONE_KNOWN = Penalties()
 """The penalties of a course whose rules name none."""
-CERTAIN_DEVIATIONS = 5.0
+CERTAIN_DEVIATIONS = 4.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
-An optimum touches its limits in a hundred places. By chance one of them is off by five deviations in one of 35,000
-logs, so that less than one log in 10,000 accuses falsely.
+An optimum touches its limits in some thirty places, and errors of passings have 0.5 to 1.0 of the deviations that are
+told. Of breaches beyond five deviations a threshold of five misses one in fourteen, for these are measured as less, and
+four one in forty. How often it accuses falsely is measured in `docs/evidence/studies.md`.
 """
-
-
+FAR_OFF = 5.0
+"""The number of deviations from which on a passing is no legal one whichever of its measures tells."""
 COSINE_MIN = 0.1
 """The least cosine between path and axis that is counted."""
 STEEP = math.radians(80.0)
@@ -258,7 +259,8 @@ def passing_windows(flight: Flight, axes: Mapping[str, float], own: DeviationsAt
             beside = [measured.window(measured.centre, offset, deviations.across)]
             if measured.tips:
                 beside.insert(0, measured.window(measured.tips, offset, deviations.tip))
-            windows.append(max(beside, key=lambda window: window.excess))  # a bank of the path is known badly
+            # A bank of the path is known badly, and so the tips; else they tell more, and of what is far off most.
+            windows.append(max(beside, key=lambda window: min(window.excess, FAR_OFF)))
     return windows
 
 

@@ -171,6 +171,8 @@ class Source:
         pilot: whose limits the pilot of an optimum keeps to; empty for what is no optimum.
         reserve: what was asked of an optimum in disturbances; None for nothing.
         begins: when the flight's clock starts; None where it is unknown, as of an optimum.
+        penalties: of what is certain in a recorded flight, in words; empty for what is no recorded one.
+        displaced: sentences on the gates that by several recorded flights stand elsewhere, where these are judged.
     """
 
     label: str
@@ -183,6 +185,8 @@ class Source:
     pilot: str = ""
     reserve: ReserveState | None = None
     begins: datetime | None = None
+    penalties: str = ""
+    displaced: tuple[str, ...] = ()
 
     @property
     def certified(self) -> bool | None:

@@ -1,6 +1,7 @@
 """Clocks that jump are repaired where there is one way to, and times that are cut off are told to be."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from synthetic import Fixes, csv_text, fixes, imported, known
 
 from airrace.files.inputs import load_inputs
-from airrace.flights.logs.clocks import clock_deviation, repair_jumps
+from airrace.flights.logs.clocks import cut_step, repair_cut, repair_jumps, spread_repeated
 from airrace.flights.logs.violations import Violation
 from airrace.pages.views.log_tables import penalties_text
 from airrace.runs.log_view import fly_log_through
@@ -45,12 +46,71 @@ def test_a_repaired_clock_is_even_and_repair_changes_no_even_one() -> None:
     assert repair_jumps(EXACT.time, places, LINES)[1] == ()
 
 
-def test_times_that_are_cut_to_whole_seconds_at_an_uneven_rate_are_known_to_be() -> None:
-    rows = np.cumsum(np.random.default_rng(4).integers(11, 21, 40))
-    rows = rows[rows < len(EXACT.time)]
-    places = np.stack([EXACT.north, EXACT.east])[:, rows]
-    assert clock_deviation(EXACT.time[rows], places) < 0.03
-    assert clock_deviation(np.floor(EXACT.time[rows]), places) == pytest.approx(1.0 / math.sqrt(12.0), rel=1e-3)
+def sampled(times: np.ndarray, noise: float = 0.02, seed: int = 0) -> Fixes:
+    """The flight at any times, with white noise."""
+    fine = fixes(100.0, noise=0.0, gap=(0.0, 0.0))
+    random = np.random.default_rng(seed)
+    places = (np.interp(times, fine.time, values) for values in (fine.north, fine.east, fine.height))
+    return Fixes(times, *(place + noise * random.standard_normal(len(times)) for place in places))
+
+
+def sampling_times(step: tuple[float, float], seed: int) -> np.ndarray:
+    """Times from before the start to behind the finish, with steps drawn between two."""
+    random = np.random.default_rng(seed)
+    times = EXACT.time[0] + np.cumsum(random.uniform(*step, 700))
+    return times[times < EXACT.time[-1]]
+
+
+STEPS = {"5.5 Hz": (1.0 / 5.5, 1.0 / 5.5), "5 Hz, jittering": (0.16, 0.24), "1.1 to 2.1 s": (1.1, 2.1)}
+
+
+@pytest.mark.parametrize("step", STEPS.values(), ids=STEPS)
+def test_times_that_are_cut_to_whole_seconds_at_an_uneven_rate_follow_from_the_way(step: tuple[float, float]) -> None:
+    """Their errors are those that are told, and less than those of the times as they are written."""
+    off, written, told = [], [], []
+    for seed in range(8):
+        seen = sampled(sampling_times(step, seed), 1.0, seed)
+        places, cut = np.stack([seen.north, seen.east]), np.floor(seen.time + 40.0)
+        assert cut_step(cut, places) == pytest.approx(1.0, abs=1e-6)
+        spread = spread_repeated(cut, 1.0)[0]
+        time, deviation = repair_cut(spread, places, 1.0)
+        off.append(time - seen.time - 40.0)
+        written.append(spread - seen.time - 40.0)
+        told.append(deviation)
+    normal = np.concatenate(off) / np.concatenate(told)
+    assert 0.2 < np.std(normal) < 1.15
+    assert np.mean(np.abs(normal) > 3.0) < 0.01
+    assert np.std(np.concatenate(off)) < 0.8 * np.std(np.concatenate(written))
+
+
+def test_times_of_an_even_clock_are_not_cut() -> None:
+    """Nor are those of five samples each second, which are spread evenly, and those that are written in full."""
+    for seen in (sampled(np.arange(-4.0, 55.0, 1.0)), sampled(np.arange(-4.0, 55.0, 2.0))):
+        assert cut_step(seen.time, np.stack([seen.north, seen.east])) == 0.0
+    five = sampled(np.arange(-4.0, 55.0, 0.2) + 0.01)
+    assert cut_step(np.floor(five.time), np.stack([five.north, five.east])) == 0.0
+    uneven = sampled(sampling_times((1.1, 2.1), 3))
+    assert cut_step(uneven.time, np.stack([uneven.north, uneven.east])) == 0.0
+
+
+def test_an_aircraft_that_stands_tells_no_times() -> None:
+    time = np.repeat(np.arange(40.0), np.random.default_rng(1).integers(4, 7, 40))
+    time, _ = spread_repeated(time, 1.0)
+    repaired, deviation = repair_cut(time, np.zeros((2, len(time))), 1.0)
+    assert np.array_equal(repaired, time)
+    assert deviation == pytest.approx(1.0 / math.sqrt(12.0))
+
+
+@pytest.mark.parametrize("step", STEPS.values(), ids=STEPS)
+def test_a_race_time_by_times_that_are_cut_off_is_as_true_as_it_is_told_to_be(step: tuple[float, float]) -> None:
+    seen = sampled(sampling_times(step, 5))
+    flown = imported(csv_text(replace(seen, time=np.floor(seen.time + 0.3))))
+    known_time = known().passings["1:g0#2"] - known().passings["0:g0"]
+    deviation = math.hypot(flown.known["0:g0"].time, flown.known["1:g0#2"].time)
+    assert abs(flown.flight.race_time - known_time) < 2.0 * deviation
+    assert deviation < 0.5
+    assert any("cut to whole seconds at an uneven rate: the way between them tells" in text for text in flown.remarks)
+    assert not [breach for breach in flown.violations if breach.certain]
 
 
 def test_a_race_time_states_its_deviation_and_judgements_their_assumption(tmp_path: Path) -> None:

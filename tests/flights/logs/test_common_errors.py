@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from synthetic import Fixes, csv_text, fixes, imported, known
 
-from airrace.flights.logs.errors import HEIGHT_OFFSET, CommonErrors, Window
+from airrace.flights.logs.errors import HEIGHT_OFFSET, CommonErrors, Receiver, Window
 from airrace.flights.logs.quality import ReceiverAccuracy
 from airrace.flights.logs.violations import CERTAIN_DEVIATIONS
 
@@ -21,7 +21,7 @@ def errors(windows: Sequence[Window], stated: float | None = None) -> CommonErro
     time = np.array([0.0, 100.0])
     across = np.full(2, stated or 2.5)
     accuracy = ReceiverAccuracy(across, across, "stated" if stated else "")
-    return CommonErrors(time, accuracy, stated=stated is not None, windows=windows)
+    return CommonErrors(Receiver(time, accuracy, stated=stated is not None), windows)
 
 
 def height(number: int, error: float, half: float = 0.0, deviation: float = 0.1) -> Window:

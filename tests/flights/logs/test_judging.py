@@ -10,7 +10,7 @@ from synthetic import Fixes, csv_text, fixes, flown, imported, known
 
 from airrace.files.inputs import load_inputs
 from airrace.files.inputs.rules import preset_names
-from airrace.flights.logs.errors import CommonErrors
+from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.histories import between_samples
 from airrace.flights.logs.quality import ReceiverAccuracy
 from airrace.flights.logs.recording import Recording
@@ -166,8 +166,8 @@ def test_a_gate_that_was_flown_around_is_missed_by_its_distance() -> None:
     assert missed.limit < 20.0
 
 
-def test_nothing_is_certain_without_a_deviation_and_less_than_five_of_them() -> None:
-    breach = Violation("1:g4", "too-high", 1.0, 30.0, 25.0, 1.0, "m", 2.0)
+def test_nothing_is_certain_without_a_deviation_and_less_than_four_of_them() -> None:
+    breach = Violation("1:g4", "too-high", 1.0, 29.0, 25.0, 1.0, "m", 2.0)
     assert breach.certain
     assert replace(breach, deviation=0.0).certain
     assert not replace(breach, deviation=1.01).certain
@@ -232,7 +232,7 @@ def test_a_turn_that_stays_too_low_costs_less_than_a_roll() -> None:
     missed = tuple(TimedCrossing(passage, math.nan, {}) for passage in given.race.course.passages)
     flight = Flight(given.race, Source("log"), time, histories, missed)
     accuracy = ReceiverAccuracy(np.ones(3), np.ones(3), "")
-    errors = FlightErrors(lambda _: NOT_KNOWN, lambda _: NOT_KNOWN, CommonErrors(time, accuracy))
+    errors = FlightErrors(lambda _: NOT_KNOWN, lambda _: NOT_KNOWN, CommonErrors(Receiver(time, accuracy)))
     found = violations(flight, {}, errors, given.penalties)
     costs = {one.passing.partition(":")[2]: one.penalty for one in found if one.rule == "manoeuvre"}
     assert costs == {"top": 2.0, "roll/begin": 3.0, "roll": 3.0}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synthetic import csv_text, fixes, imported, known
 
-from airrace.flights.logs.errors import CommonErrors
+from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.log_flight import LogFlight
 from airrace.flights.logs.quality import ReceiverAccuracy
 from airrace.flights.logs.violations import (
@@ -61,7 +61,7 @@ def axes() -> dict[str, float]:
 def severity(flight: Flight) -> tuple[float, int]:
     """The penalties of what is certain, and its number."""
     accuracy = ReceiverAccuracy(np.full(2, 0.1), np.full(2, 0.1), "")
-    common = CommonErrors(np.array([0.0, 100.0]), accuracy)
+    common = CommonErrors(Receiver(np.array([0.0, 100.0]), accuracy))
     common = common.with_windows(passing_windows(flight, axes(), lambda _: DEVIATIONS, 0.0), np.zeros(3))
     errors = FlightErrors(lambda _: DEVIATIONS, lambda _: DEVIATIONS, common)
     certain = [violation for violation in violations(flight, axes(), errors, RULES) if violation.certain]
@@ -150,7 +150,7 @@ def test_more_g_or_longer_is_never_judged_more_mildly(monkeypatch: pytest.Monkey
     monkeypatch.setattr("airrace.flights.logs.violations.distances", lambda _: ())  # of the same path
     flight = replace(flown().flight, crossings=())
     peaks, times = np.arange(10.0, 14.05, 0.1), np.arange(0.2, 2.05, 0.2)
-    common = CommonErrors(np.array([0.0, 100.0]), ReceiverAccuracy(np.full(2, 0.1), np.full(2, 0.1), ""))
+    common = CommonErrors(Receiver(np.array([0.0, 100.0]), ReceiverAccuracy(np.full(2, 0.1), np.full(2, 0.1), "")))
     errors = FlightErrors(lambda _: DEVIATIONS, lambda _: DEVIATIONS, common)
 
     def penalty(peak: float, lasting: float) -> float:
