@@ -20,10 +20,11 @@ import numpy as np
 from airrace.optimal_control.problem import Boundary, Iterate
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.procedure.cost_to_go import new_service
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
-from airrace.runs.cost_to_go import cost_to_go_of, new_service
+from airrace.runs.cost_to_go import cost_to_go_of
 from airrace.runs.run_state import open_run
 
 NOISE = {"x": 4.0, "y": 4.0, "z": 3.0, "V_K": 1.5}
