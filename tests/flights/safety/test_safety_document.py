@@ -267,6 +267,9 @@ def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
         (("--sign-for", "me"), "--sign-for leaves a place in a document"),
         (("--winds", "5"), "is no rose of winds"),
         (("--winds", "5kt", "--stage", "six-dof"), "exclude each other"),
+        (("--winds", "5kt", "--replan", "1"), "name one run, without --winds"),
+        (("--replan", "1", "OTHER"), "name one run, without --winds"),
+        (("--replan", "0"), "it must be every 0.1 to 10 s"),
         (("--delay", "0.13", "OTHER"), "the pilot decides every 0.02 s"),
     ],
 )
