@@ -4,6 +4,9 @@ A line begins in the aircraft's state. As long as the pilot's delay lasts, the s
 goes on as the undisturbed aircraft does by that; from where it is then the rest of the race is solved by
 `airrace.procedure.cost_to_go`, as guidance, to a gate ahead. The pilot is trained for every line anew. What the
 disturbances will be is as unknown as to the optimum, and the time that solving takes is not counted.
+
+Where no flight leads on, or none is found, the pilot keeps the line before for one more interval, then follows the
+optimum.
 """
 
 import functools
@@ -27,6 +30,12 @@ FORESIGHT = 1.5
 """The time that a line goes on behind where it is needed, s: what the pilot's feedback reckons with."""
 PAST = 0.2
 """The time for which a line is known before it begins, s: what late ailerons do at first is of the line before."""
+RELAXED_MAX = 0.5
+"""The deviations by which a line may begin elsewhere than the aircraft is (1): half a metre, half a degree.
+
+Near the stall gusts leave states from which no flight leads on. The nearest ones may be metres away and turned by tens
+of degrees: no place for a pilot to go to.
+"""
 JOBS = 4
 """The parts into which the flights of a batch are divided, to be solved side by side."""
 
@@ -50,7 +59,7 @@ class ReplannedLines:
     """What the pilots of a batch follow, a line for each; at first the optimum.
 
     Attributes:
-        line: from `PAST` before where each was planned on, long enough for two intervals.
+        line: from `PAST` before where each was planned on, long enough for three intervals.
         feedback: of the pilots along it, see `PilotGains`, shape (n, N, 5, 16 + 4 d).
         clock: of these lines, s; shape (n,).
     """
@@ -69,12 +78,12 @@ class ReplannedLines:
         self._parts = round(pilot.sample / TABLE_STEP)
         self._every = max(1, round(replanning.interval / pilot.sample))
         self._past = round(PAST / pilot.sample)
-        self._samples = self._past + 2 * self._every + pilot.waiting + round(FORESIGHT / pilot.sample)
+        self._samples = self._past + 3 * self._every + pilot.waiting + round(FORESIGHT / pilot.sample)
         rows = self._samples * self._parts + 1
         state, moved = np.empty((count, rows, STATES)), np.empty((count, rows, CONTROLS))
         self.line = NominalFlight(state, moved, nominal.passing_times)
         self.feedback = np.empty((count, self._samples, *feedback.shape[1:]))
-        self.clock, self._on_optimum = np.zeros(count), np.ones(count, np.bool_)
+        self.clock, self._planned = np.zeros(count), np.empty(count, np.int64)
         for flight in range(count):
             self._follow_optimum(flight, 0.0)
 
@@ -103,15 +112,17 @@ class ReplannedLines:
         parts = self._replanning.session.side_by_side(jobs)
         for place, flight in enumerate(flights.tolist()):
             planned = parts[place % JOBS][place // JOBS]
-            if planned is None:
-                due[flight] = not self._on_optimum[flight]
-                self._follow_optimum(flight, float(clock[flight]))
+            if planned is None:  # the line before lasts for one more interval
+                on_optimum = bool(self._planned[flight] < 0)
+                due[flight] = not on_optimum and k > self._planned[flight] + self._every
+                if due[flight] or on_optimum:
+                    self._follow_optimum(flight, float(clock[flight]))
             else:
                 line, feedback = planned
                 state_since = np.concatenate([past[0][flight], line.state])
                 moved_since = np.concatenate([past[1][flight], line.moved])
                 self._store(flight, state_since, moved_since, feedback, row=0, sample=-self._past)
-                self.clock[flight], self._on_optimum[flight] = self._past * self._pilot.sample, False
+                self.clock[flight], self._planned[flight] = self._past * self._pilot.sample, k
         return due
 
     def _delayed(self, x: Array, stick: Array) -> tuple[Array, Array]:
@@ -153,8 +164,11 @@ class ReplannedLines:
         seconds = (self._samples - self._past - self._pilot.waiting) * self._pilot.sample
         gates = max(GATES, int(np.searchsorted(passing_times, ahead + seconds, side="right")) - leg)
         begin = dict(zip(STATE, states[-1].tolist(), strict=True))
-        trajectory = rest.solve(session, begin, leg, gates=gates).trajectory
-        iterate, model = iterate_of(trajectory), rest.flight.model
+        planned = rest.solve(session, begin, leg, gates=gates)
+        if planned.relaxed > RELAXED_MAX:
+            return None
+        trajectory, model = planned.trajectory, rest.flight.model
+        iterate = iterate_of(trajectory)
 
         def states_at(times: Array) -> dict[str, Array]:
             rows = sample(model.system, model.parameter_values, iterate, time=trajectory.time, times=times)
@@ -173,7 +187,7 @@ class ReplannedLines:
         begin, nominal = int(clock / self._pilot.sample) - self._past, self._nominal
         row = begin * self._parts
         self._store(flight, nominal.state, nominal.moved, self._nominal_feedback, row=row, sample=begin)
-        self.clock[flight], self._on_optimum[flight] = clock - begin * self._pilot.sample, True
+        self.clock[flight], self._planned[flight] = clock - begin * self._pilot.sample, -1
 
     def _store(self, flight: int, state: Array, moved: Array, feedback: Array, *, row: int, sample: int) -> None:
         """Store tables of a flight from a row, and feedback from a sample on; beyond either end its entry stays."""

@@ -82,6 +82,30 @@ def test_where_no_line_is_found_the_flight_is_that_along_the_optimum(
     np.testing.assert_allclose(replanned.state, fixed.state, atol=1e-6)
 
 
+def test_a_line_that_is_not_followed_by_another_lasts_once_more_and_then_the_optimum_is_flown(
+    replanning: Replanning, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines, waiting, every = lines_of(replanning, 1), loop().pilot.waiting, round(INTERVAL / loop().pilot.sample)
+    clock, stick, racing = np.array([1.0]), np.zeros((waiting, CONTROLS, 1)), np.array([True])
+    far_off = np.zeros((16, 1))
+    far_off[1] = 60.0
+    late = np.array([loop().nominal.passing_times[1] - 0.4])  # the gate ahead cannot be made any more
+    assert not lines.replan(every, displace(loop().nominal.at(late), far_off), late, stick, racing).any()
+    x = loop().nominal.at(clock)
+    assert lines.replan(every, x, clock, stick, racing).all()
+    planned = lines.line.state.copy()
+
+    def no_line(*_: object) -> None:
+        return None
+
+    monkeypatch.setattr(ReplannedLines, "_plan", no_line)
+    assert not lines.replan(2 * every, x, clock, stick, racing).any()
+    np.testing.assert_array_equal(lines.line.state, planned)
+    assert lines.replan(3 * every, x, clock, stick, racing).all()
+    np.testing.assert_allclose(lines.line.at(lines.clock), x, atol=1e-9)
+    assert not lines.replan(4 * every, x, clock, stick, racing).any()
+
+
 def test_a_replanned_flight_is_the_same_bit_by_bit_in_any_company(replanning: Replanning) -> None:
     among, alone = (fly(loop(), Scatter(), 7, numbers, replanning) for numbers in (range(2), [1]))
     count = len(alone.clock)
