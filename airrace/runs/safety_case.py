@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import stdtrit
 
 from airrace.errors import UsageError
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
+    CONFIDENCE,
     CONTACT,
     LOAD,
     QUANTITIES,
@@ -71,8 +73,6 @@ COUNTS = (
     Column("from", "%", ".1f", key="lower_percent"),
     Column("to", "%", ".1f", key="upper_percent"),
 )
-NORMAL_95 = 1.96
-"""The standard deviations of a normal distribution within which 95 % lie (1)."""
 REPLAN_MIN, REPLAN_MAX = 0.1, 10.0
 """The times between which a line may be replanned, s: the shortest is a pilot's delay."""
 LINES = (
@@ -80,11 +80,11 @@ LINES = (
     Column("flights", form="d", key="finished"),
     Column("race time", "s", ".3f", key="mean_race_time_s"),
     Column("+/-", "s", ".3f", key="race_time_interval_s"),
-    Column("touch, miss or lose", "%", ".1f", key="contact_percent"),
+    Column("contact", "%", ".1f", key="contact_percent"),
     Column("from", "%", ".1f", key="contact_lower_percent"),
     Column("to", "%", ".1f", key="contact_upper_percent"),
-    Column("break a rule", "%", ".1f", key="outside_percent"),
-    Column("load factor", "%", ".1f", key="load_factor_percent"),
+    Column("rules", "%", ".1f", key="outside_percent"),
+    Column("n_z", "%", ".1f", key="load_factor_percent"),
     Column("lateral", "m", ".2f", key="lateral_95_m"),
     Column("height", "m", ".2f", key="height_95_m"),
 )
@@ -146,7 +146,10 @@ class SafetyCase:
             rows.append([self._replanned_words, *_line_values(self.replanned.result)])
             mean, interval = _mean(self.replanned.result.race_times - self.result.race_times)
             notes.append(f"replanning changes the time of the same flight by {mean:+.3f} s +/- {interval:.3f} s")
-        notes.append("+/-, from, to: intervals of confidence 95 %; lateral, height: median over the gates of the 95 %")
+        notes.append(
+            "contact: touch, miss or lose; rules: break any but the load factor; n_z: exceed that; lateral, height: "
+            "median over the gates of what 95 % do not exceed; +/-, from, to: intervals of confidence 95 %"
+        )
         return Table(f"{self.label}: the line that is followed", LINES, rows, notes)
 
     @property
@@ -321,7 +324,8 @@ def _mean(values: Array) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     if len(values) < 2:
         return float(values.mean()) if len(values) else math.nan, math.nan
-    return float(values.mean()), float(NORMAL_95 * values.std(ddof=1) / math.sqrt(len(values)))
+    widest = stdtrit(len(values) - 1, 0.5 + 0.5 * CONFIDENCE)  # of Student's distribution
+    return float(values.mean()), float(widest * values.std(ddof=1) / math.sqrt(len(values)))
 
 
 def scatter_of(gusts: str, errors: tuple[float, float, float, float, float]) -> Scatter:

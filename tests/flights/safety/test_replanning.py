@@ -128,6 +128,8 @@ def test_a_case_holds_both_lines_of_the_same_flights() -> None:
     first, second = answer["lines"]
     assert [first["line"], second["line"]] == ["the optimum", "replanned every 3 s"]
     assert second["mean_race_time_s"] == pytest.approx(case.replanned.result.race_times.mean())
+    apart = abs(float(np.diff(case.replanned.result.race_times)[0]))
+    assert second["race_time_interval_s"] == pytest.approx(12.7062 * apart / 2.0, rel=1e-4)  # Student, one degree
     assert "replanned every 3 s" in repr(case)
     with pytest.raises(UsageError, match=r"every 0\.05 s is out of range: it must be every 0\.1 to 10 s"):
         fly_safety_case(
