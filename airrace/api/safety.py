@@ -40,6 +40,7 @@ class SafetyOptions(TypedDict, total=False):
     delay_s: float
     seed: int
     threads: int | None
+    replan_s: float | None
 
 
 def _percent(name: str, what: str) -> Option:
@@ -74,6 +75,10 @@ def safety(
         float, Option("From what the pilot sees to the stick that moves.", "S", flags=("--delay",))
     ] = PILOT_DELAY,
     seed: Annotated[int, Option("Of all flights; the same seed, the same flights.", "N")] = 0,
+    replan_s: Annotated[
+        float | None,
+        Option("Also fly with the line replanned so often, the best from where it is.", "S", flags=("--replan",)),
+    ] = None,
     winds: Annotated[
         str | None,
         Option("Fly the course in each of these winds first, e.g. 0,5,10kt@8: from eight directions.", "ROSE"),
@@ -108,6 +113,7 @@ def safety(
         CheckpointError: a file cannot be read.
         UsageError: a stage is not six-dof or found no flight, an argument is out of range, or the file exists.
         StorageError: the system refused to write the file.
+        SolverCrash: a solver process died.
     """
     from airrace.api.run import Run
     from airrace.errors import UsageError
@@ -128,6 +134,8 @@ def safety(
         if stage is not None:
             raise UsageError("--winds and --stage exclude each other: in every wind the last stage is simulated")
         winds_named(winds)  # before anything is solved
+    if replan_s is not None and (winds is not None or len(runs) * len(aircraft or [None]) != 1):
+        raise UsageError("--replan compares two lines of one run in its own wind: name one run, without --winds")
     loop: SafetyOptions = {
         "flights": flights,
         "gusts": gusts,
@@ -139,6 +147,7 @@ def safety(
         "delay_s": delay_s,
         "seed": seed,
         "threads": threads,
+        "replan_s": replan_s,
     }
     runs_by_name: dict[str, Run] = {}
     tracks: list[Path] = []

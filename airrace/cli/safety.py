@@ -24,7 +24,7 @@ def safety(command_result: PrintedResult, function: "partial[SafetyCase | Safety
 
     case = function(progress=not command_result.quiet)
     if isinstance(case, SafetyCase):
-        tables, failures = [case.counts_table(), case.gates_table(), case.legs_table()], [case.uncertified]
+        tables, failures = case.tables(), [case.uncertified]
     else:
         tables, failures = [case.table()], list(case.messages)
     command_result.fields.update(case.as_object())

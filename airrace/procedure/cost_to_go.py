@@ -23,14 +23,17 @@ from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.soft_start import soften_start
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.optimal_control.system import System
 from airrace.optimal_control.trajectory import Array, Indices, Trajectory
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
+from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import StageProblem, mesh_of, trajectory_of
+from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of, trajectory_of
 from airrace.procedure.warm_start import InitialBarrier
+from airrace.race import Race
 
 ITERATIONS_MAX = 40
 """The iterations of a solve; states beside an optimum take 5 to 20."""
@@ -59,8 +62,17 @@ COUNTERS = ("Phi", "gain")
 """The states that count rolls; they begin anew where they matter."""
 CHANGED = 0.5
 """The share of the box by which a state has changed noticeably (1)."""
+STALL_SECONDS = 20.0
+"""The longest wait for an iteration, s; setting a whole six-dof race up counts into the first."""
+PREPARED_INTERVALS = 3000
+"""The intervals that a solver process keeps ready: every state makes a problem of its own."""
 PLACE_NAMES = ("x", "y", "z", SPEED, *QUATERNION)
 """The states that every model has, by which the place of one is found."""
+
+
+def new_service(threads: int) -> SolverService:
+    """Return a solver process for the rests of a race."""
+    return SolverService(threads=threads, stall_seconds=STALL_SECONDS, prepared_intervals=PREPARED_INTERVALS)
 
 
 def usual_deviations(states: Sequence[Quantity]) -> dict[str, float]:
@@ -212,6 +224,11 @@ class CostToGo:
         self._costates = costates(self._layout, optimum.constraint_multipliers)
         self._names = [state.name for state in self.states]
         self._quaternion = [self._names.index(name) for name in QUATERNION]
+
+    @classmethod
+    def of_result(cls, race: Race, settings: Settings, result: StageResult) -> "CostToGo":
+        """Return what solves the rest of a race by the optimum of a stage of it."""
+        return cls(formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions), result)
 
     def time_of(self, state: Mapping[str, float], leg: int) -> float:
         """Return the time on the optimum's clock at which it is nearest to a state on a leg, s."""

@@ -11,12 +11,10 @@ from airrace.flights.logs.violations import StandardDeviations
 from airrace.flights.results import Flight
 from airrace.flights.results.comparison import ensure_comparable
 from airrace.flights.results.cost_to_go import BANK, PATH, CostToGoLoss, Moment, losses_of, moments_of
-from airrace.optimal_control.solvers.service import SolverService
-from airrace.procedure.cost_to_go import Continuation, CostToGo, usual_deviations
+from airrace.procedure.cost_to_go import Continuation, CostToGo, new_service, usual_deviations
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.stage_problem import formulate
 from airrace.runs.flight_sources import open_file, open_flights, open_sources
 from airrace.runs.log_view import LogView
 from airrace.runs.output import FlightName
@@ -28,10 +26,6 @@ from airrace.runtime.standard_streams import stem_of
 
 JOBS = 4
 """The parts into which the states of a flight are divided, to be solved side by side."""
-STALL_SECONDS = 20.0
-"""The longest wait for an iteration, s; setting a whole six-dof race up counts into the first."""
-PREPARED_INTERVALS = 3000
-"""The intervals that a solver process keeps ready: every state makes a problem of its own."""
 
 
 def cost_to_go_of(view: StageView) -> CostToGo:
@@ -42,15 +36,7 @@ def cost_to_go_of(view: StageView) -> CostToGo:
     """
     if not view.result.holds:
         raise UsageError(f"{view.name} is {view.status}: without an optimum there is no cost to go")
-    result, inputs = view.result, view.inputs
-    return CostToGo(
-        formulate(result.stage, inputs.race, inputs.settings, result.trajectory, result.pylon_conditions), result
-    )
-
-
-def new_service(threads: int) -> SolverService:
-    """Return a solver process for the rests of a race."""
-    return SolverService(threads=threads, stall_seconds=STALL_SECONDS, prepared_intervals=PREPARED_INTERVALS)
+    return CostToGo.of_result(view.inputs.race, view.inputs.settings, view.result)
 
 
 def cost_to_go_loss(

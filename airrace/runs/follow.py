@@ -20,10 +20,10 @@ from airrace.flights.results import Flight
 from airrace.flights.results.cues import Cue, cues_of
 from airrace.model.frames import QUATERNION, rotation
 from airrace.pages.views.cue_tables import cue_text
-from airrace.procedure.cost_to_go import Continuation, CostToGo
+from airrace.procedure.cost_to_go import Continuation, CostToGo, new_service
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
-from airrace.runs.cost_to_go import cost_to_go_of, new_service
+from airrace.runs.cost_to_go import cost_to_go_of
 from airrace.runs.stage_view import StageView
 from airrace.runtime.process import available_cores
 

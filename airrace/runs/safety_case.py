@@ -1,13 +1,18 @@
 """The safety of a flight as tables: what closed-loop flights along it break, and their scatter at gates and legs."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from scipy.special import stdtrit
 
 from airrace.errors import UsageError
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
+    CONFIDENCE,
     CONTACT,
     LOAD,
     QUANTITIES,
@@ -19,12 +24,18 @@ from airrace.flights.safety.monte_carlo import (
     fly_closed_loop,
 )
 from airrace.flights.safety.pilot import PilotModel
+from airrace.flights.safety.replanning import Replanning
 from airrace.optimal_control.quantities import KNOT
+from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.tables import Column, Table, Value
-from airrace.procedure.result import StageResult
+from airrace.procedure.cost_to_go import CostToGo, new_service
+from airrace.procedure.result import Silent, StageResult
+from airrace.procedure.settings import Settings
+from airrace.procedure.solver_session import SolverSession
 from airrace.race import Race
 from airrace.runs.output import write_text
 from airrace.runs.verdict import verdict
+from airrace.runtime.process import available_cores
 
 _DEGREES = 180.0 / math.pi
 _UNITS = {
@@ -62,6 +73,34 @@ COUNTS = (
     Column("from", "%", ".1f", key="lower_percent"),
     Column("to", "%", ".1f", key="upper_percent"),
 )
+REPLAN_MIN, REPLAN_MAX = 0.1, 10.0
+"""The times between which a line may be replanned, s: the shortest is a pilot's delay."""
+LINES = (
+    Column("line", key="line"),
+    Column("flights", form="d", key="finished"),
+    Column("race time", "s", ".3f", key="mean_race_time_s"),
+    Column("+/-", "s", ".3f", key="race_time_interval_s"),
+    Column("contact", "%", ".1f", key="contact_percent"),
+    Column("from", "%", ".1f", key="contact_lower_percent"),
+    Column("to", "%", ".1f", key="contact_upper_percent"),
+    Column("rules", "%", ".1f", key="outside_percent"),
+    Column("n_z", "%", ".1f", key="load_factor_percent"),
+    Column("lateral", "m", ".2f", key="lateral_95_m"),
+    Column("height", "m", ".2f", key="height_95_m"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ReplannedFlights:
+    """The same flights, of the same disturbances, with the line replanned.
+
+    Attributes:
+        interval: between two lines of a flight, s.
+        result: all numbers.
+    """
+
+    interval: float
+    result: SafetyResult
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,6 +113,7 @@ class SafetyCase:
         result: all numbers, SI and radians.
         uncertified: why the optimum is not certified, a sentence; empty where it is.
         no_crowd: whether the course names no crowd, so that nothing is known of distances from people.
+        replanned: the same flights with their line replanned; None where they were not flown.
     """
 
     label: str
@@ -81,6 +121,7 @@ class SafetyCase:
     result: SafetyResult
     uncertified: str
     no_crowd: bool
+    replanned: ReplannedFlights | None = None
 
     @property
     def remarks(self) -> list[str]:
@@ -89,6 +130,31 @@ class SafetyCase:
         if self.no_crowd:
             remarks.append("the course names no crowd: distances from people were not looked at")
         return remarks
+
+    def tables(self) -> list[Table]:
+        """Return all tables: counts, gates and legs; of replanned lines as well, and both compared."""
+        tables = [self.counts_table(), self.gates_table(), self.legs_table()]
+        if self.replanned is None:
+            return tables
+        case = replace(self, label=f"{self.label}, {self._replanned_words}", result=self.replanned.result)
+        return [*tables, case.counts_table(), case.gates_table(), self.lines_table()]
+
+    def lines_table(self) -> Table:
+        """Return the optimum as the line, and below it the replanned one, with what came of their flights."""
+        rows, notes = [["the optimum", *_line_values(self.result)]], list[str]()
+        if self.replanned is not None:
+            rows.append([self._replanned_words, *_line_values(self.replanned.result)])
+            mean, interval = _mean(self.replanned.result.race_times - self.result.race_times)
+            notes.append(f"replanning changes the time of the same flight by {mean:+.3f} s +/- {interval:.3f} s")
+        notes.append(
+            "contact: touch, miss or lose; rules: break any but the load factor; n_z: exceed that; lateral, height: "
+            "median over the gates of what 95 % do not exceed; +/-, from, to: intervals of confidence 95 %"
+        )
+        return Table(f"{self.label}: the line that is followed", LINES, rows, notes)
+
+    @property
+    def _replanned_words(self) -> str:
+        return f"replanned every {self.replanned.interval:g} s" if self.replanned else ""
 
     def counts_table(self) -> Table:
         """Return how many flights broke what."""
@@ -122,6 +188,11 @@ class SafetyCase:
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace safety --json` prints."""
+        if self.replanned is not None:
+            case = replace(self, result=self.replanned.result, replanned=None)
+            replanned = {"every_s": self.replanned.interval, **case.as_object()}
+            own = replace(self, replanned=None).as_object()
+            return {**own, "lines": self.lines_table().objects(), "replanned": replanned}
         result, scatter = self.result, self.result.scatter
         return {
             "flight": self.label,
@@ -163,11 +234,10 @@ class SafetyCase:
         return text
 
     def __repr__(self) -> str:
-        tables = (self.counts_table(), self.gates_table(), self.legs_table())
-        return "\n\n".join(f"{table.title}\n{table.text()}" for table in tables)
+        return "\n\n".join(f"{table.title}\n{table.text()}" for table in self.tables())
 
     def _repr_html_(self) -> str:
-        return "".join(table.html() for table in (self.counts_table(), self.gates_table(), self.legs_table()))
+        return "".join(table.html() for table in self.tables())
 
 
 def fly_safety_case(
@@ -181,6 +251,7 @@ def fly_safety_case(
     delay: float,
     seed: int,
     threads: int | None,
+    replan: tuple[float, Settings] | None = None,
 ) -> SafetyCase:
     """Fly a stage's optimum many times.
 
@@ -191,19 +262,70 @@ def fly_safety_case(
         gusts: `none`, `light`, `moderate` or `severe`.
         errors: standard deviations of the wind (kt), mass, power and density (%), and of the time of rolls (s).
         delay: of the pilot, s.
+        replan: the time between two lines, s, and the settings by which the race is solved, to fly the same flights
+            with the line replanned as well; None to leave that.
 
     Raises:
         UsageError: an argument is out of range, or the stage is none that could be simulated.
+        SolverCrash: a solver process died.
     """
+    if replan is not None and not REPLAN_MIN <= replan[0] <= REPLAN_MAX:
+        raise UsageError(
+            f"a new line every {replan[0]:g} s is out of range: it must be every {REPLAN_MIN:g} to {REPLAN_MAX:g} s"
+        )
     if seed < 0:
         raise UsageError(f"a seed of {seed} is out of range: it must be 0 or larger")
     scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
-    closed_loop = fly_closed_loop(
-        race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads
-    )
+
+    def fly(replanning: Replanning | None = None) -> SafetyResult:
+        return fly_closed_loop(
+            race,
+            result,
+            flights=flights,
+            scatter=scatter,
+            pilot=pilot,
+            seed=seed,
+            threads=threads,
+            replanning=replanning,
+        )
+
+    closed_loop, replanned = fly(), None
+    if replan is not None:
+        with _replanning(race, result, *replan, threads or available_cores()) as replanning:
+            replanned = ReplannedFlights(replan[0], fly(replanning))
     (_, why) = verdict([result])
     uncertified = f"the optimum is not certified: {why}" if why else ""
-    return SafetyCase(label, result.stage.value, closed_loop, uncertified, no_crowd=not race.course.crowd)
+    return SafetyCase(
+        label, result.stage.value, closed_loop, uncertified, no_crowd=not race.course.crowd, replanned=replanned
+    )
+
+
+@contextmanager
+def _replanning(
+    race: Race, result: StageResult, interval: float, settings: Settings, threads: int
+) -> Generator[Replanning]:
+    """Yield what replans lines, with solver processes that end with it."""
+    rest = CostToGo.of_result(race, settings, result)
+    with new_service(1) as service, closing(SolverSession(service, settings, Silent(), threads)) as session:
+        yield Replanning(rest, session, interval)
+
+
+def _line_values(result: SafetyResult) -> list[Value]:
+    """Return what stands behind the name of a line, see `LINES`."""
+    contact, gates = result.contact, result.gates[1:]
+    shares = (contact.share, contact.lower, contact.upper, result.outside.share, result.counts[LOAD].share)
+    spread = [np.median([gate.deviations[name].quantiles[0] for gate in gates]) for name in ("lateral", "height")]
+    finished = int(np.isfinite(result.race_times).sum())
+    return [finished, *_mean(result.race_times), *(100.0 * share for share in shares), *map(float, spread)]
+
+
+def _mean(values: Array) -> tuple[float, float]:
+    """Return the mean of the finite values and the half width of its interval; NaN of too few."""
+    values = values[np.isfinite(values)]
+    if len(values) < 2:
+        return float(values.mean()) if len(values) else math.nan, math.nan
+    widest = stdtrit(len(values) - 1, 0.5 + 0.5 * CONFIDENCE)  # of Student's distribution
+    return float(values.mean()), float(widest * values.std(ddof=1) / math.sqrt(len(values)))
 
 
 def scatter_of(gusts: str, errors: tuple[float, float, float, float, float]) -> Scatter:

@@ -107,6 +107,7 @@ def safety_document(
             _map("Envelope", envelope_figure(case.result, flight)),
             _map("What falls where", footprint_figure(footprint, flight)),
             chapter("Closed-loop flights", *_closed_loop(case)),
+            chapter("The line replanned", table_block(replace(case.lines_table(), title=""))) if case.replanned else "",
             chapter("In many winds", table_block(replace(rose.table(), title="", notes=[IN_WINDS]))) if rose else "",
             chapter("Distances of the optimum", *_distances(flight)),
             chapter("Loads of the optimum", *_loads(flight)),

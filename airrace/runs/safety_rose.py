@@ -136,6 +136,8 @@ def fly_rose(
         UsageError: it is no rose, an argument is out of range, or the run is not six-dof.
     """
     rose = winds_named(winds)
+    if options.get("replan_s") is not None:
+        raise UsageError("a rose of winds is flown along optima alone; leave the replanned line to a run in one wind")
 
     def case_in(wind: Wind) -> SafetyCase | str:
         try:

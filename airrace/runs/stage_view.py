@@ -337,6 +337,7 @@ class StageView:
         seed: int = 0,
         threads: int | None = None,
         label: str | None = None,
+        replan_s: float | None = None,
     ) -> "SafetyCase":
         """Fly the optimum many times with a pilot in the loop, in gusts and with errors, as `airrace safety` does.
 
@@ -350,9 +351,12 @@ class StageView:
             seed: of all flights.
             threads: None for one per processor.
             label: what people call the flight; None for the track's name and the stage.
+            replan_s: the time after which the best that is left is solved anew as the line that is followed; then all
+                is flown twice, with the line fixed and with it replanned.
 
         Raises:
             UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
+            SolverCrash: a solver process died.
         """
         from airrace.runs.safety_case import fly_safety_case  # takes what flies, likewise
 
@@ -360,7 +364,16 @@ class StageView:
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
         result = downgrade_stale(self.result, self.stale)
         return fly_safety_case(
-            self.inputs.race, result, name, flights, gusts, errors, delay=delay_s, seed=seed, threads=threads
+            self.inputs.race,
+            result,
+            name,
+            flights,
+            gusts,
+            errors,
+            delay=delay_s,
+            seed=seed,
+            threads=threads,
+            replan=None if replan_s is None else (replan_s, self.inputs.settings),
         )
 
     def as_object(self) -> dict[str, object]:

@@ -20,14 +20,19 @@ import numpy as np
 from airrace.optimal_control.problem import Boundary, Iterate
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.procedure.cost_to_go import new_service
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
-from airrace.runs.cost_to_go import cost_to_go_of, new_service
+from airrace.runs.cost_to_go import cost_to_go_of
 from airrace.runs.run_state import open_run
 
 NOISE = {"x": 4.0, "y": 4.0, "z": 3.0, "V_K": 1.5}
 """Standard deviations of states, m and m/s."""
+
+
+LATE = 0.2
+"""The time for which a roll does not begin, s."""
 
 
 def opened(name):
@@ -83,12 +88,12 @@ def pieces(trajectory, leg):
     peak = float(n_z[first:end].max())
     if peak > 4.0 and n_z[first] < 0.75 * peak:
         yield "wide turn", first, end, {"n_z": Interval(-2.0, 0.8 * peak)}, {}
-    for node in rolls.tolist():
-        if node > first and abs(p[node - 1]) < 0.5:
-            last = node + int(np.searchsorted(t[node:end] - t[node], 0.2))
+    for roll in rolls.tolist():
+        node = roll - 1  # the last one at which the roll has not begun
+        if node > first and abs(p[node]) < 0.5:
+            last = node + int(np.searchsorted(t[node:end] - t[node], LATE))
             if node < last < end:
-                held = {"p_Kbar": Interval(-0.6, 0.6)}
-                yield "late roll", node, last, held, {}
+                yield "late roll", node, last, {"p_Kbar": Interval(-0.6, 0.6)}, {}
 
 
 def with_piece(problem, guess, count, bounds, end, seconds):
@@ -126,7 +131,7 @@ def plant(rest, session, name, mistake):
     start = fixed_state(rest.flight, optimum.state[:, node])
     seconds = float(optimum.time[last] - optimum.time[node]) if kind in ("slow entry", "late roll") else None
     if kind == "late roll":
-        seconds = 0.2
+        seconds = LATE
     problem, guess = with_piece(replace(problem, start=start), guess, last - node, bounds, end, seconds)
     options = SolverOptions(1e-7, 150, 1e-3, curvature=False)
     solution = session.attempt(problem, guess, kind, "interior-point", options, beyond_budget=True)

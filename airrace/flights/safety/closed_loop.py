@@ -5,6 +5,9 @@ of the pilot, and the stick that was decided `delay` before, within its travel a
 and one step of the classical scheme advances the aircraft. The stick of the optimum is part of what is decided, for the
 place where the pilot will be then, so what the rates do not allow never happens.
 
+What the pilot follows is the optimum, or, where lines are replanned, a line of the flight's own, see `replanning.py`.
+What is recorded refers to the optimum in either case.
+
 Flight k draws from a generator of its own, seeded by (seed, k), and no arithmetic mixes flights: it is the same bit by
 bit for any number of flights, batches and threads.
 """
@@ -16,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.safety.disturbances import Gusts, Scatter
-from airrace.flights.safety.nominal import PATH, NominalFlight, abeam, errors, instants
+from airrace.flights.safety.nominal import PATH, NominalFlight, abeam, entries, errors, instants
 from airrace.flights.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, DisturbedPlant, GustFilter, advance
+from airrace.flights.safety.replanning import ReplannedLines, Replanning
 from airrace.optimal_control.trajectory import Array
 
 BATCH = 125
@@ -102,7 +106,9 @@ def batches(count: int) -> list[range]:
     return [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
 
 
-def fly(loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -> Flights:
+def fly(
+    loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int], replanning: Replanning | None = None
+) -> Flights:
     """Fly the flights of these numbers.
 
     Args:
@@ -110,8 +116,30 @@ def fly(loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -
         scatter: how they are disturbed.
         seed: of all flights.
         numbers: of the flights; the same number is the same flight in every batch.
+        replanning: of the line; None where it is the optimum all along.
+
+    Raises:
+        SolverCrash: a solver process died.
     """
-    return _Batch(loop, scatter, seed, numbers).fly()
+    return _Batch(loop, scatter, seed, numbers).fly(replanning)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """What pilots follow at a sample; n flights.
+
+    Attributes:
+        line, feedback: one for all flights, or one for each.
+        clock: of the line, s; shape (n,).
+        state: of the line there, shape (17, n).
+        error: of the flights, shape (16, n).
+    """
+
+    line: NominalFlight
+    feedback: Array
+    clock: Array
+    state: Array
+    error: Array
 
 
 class _Batch:
@@ -144,7 +172,7 @@ class _Batch:
         self.alpha = bounds.path[loop.plant.path_row("alpha_A")]
         self.alpha_row, self.load_row = loop.plant.path_row("alpha_A"), loop.plant.path_row("n_z")
 
-    def fly(self) -> Flights:
+    def fly(self, replanning: Replanning | None) -> Flights:
         loop, pilot, nominal = self.loop, self.loop.pilot, self.loop.nominal
         waiting, n, samples = pilot.waiting, self.count, loop.samples
         x = np.repeat(nominal.at(np.zeros(1)), n, axis=1)
@@ -152,6 +180,9 @@ class _Batch:
         ahead = instants(pilot.sample, waiting)
         stick = np.repeat(np.moveaxis(nominal.stick(ahead, pilot.sample), 1, 0)[:, :, None], n, axis=2)
         corrections = np.zeros((waiting, CONTROLS, n))
+        replanned = None
+        if replanning is not None:
+            replanned = ReplannedLines(replanning, loop.plant, nominal, pilot, loop.gains.feedback, n)
         states, path_errors = np.empty((samples, KEPT, n)), np.empty((samples, PATH, n))
         clocks, loads = np.empty((samples, n)), np.empty((samples, n))
         for k in range(samples):
@@ -170,14 +201,22 @@ class _Batch:
             if finished.all():
                 samples = k + 1
                 break
-            decided, correction = self._decide(clock, line, x, e, corrections, path)
+            reference = _Reference(nominal, loop.gains.feedback, clock, line, e)
+            if replanned is not None:
+                anew = replanned.replan(k, x, clock, stick, ~(gone | finished) & (lost == len(states)))
+                if anew.any():
+                    corrections = np.where(anew, stick - replanned.sticks_ahead(), corrections)
+                reference = _reference(replanned, x)
+            decided, correction = self._decide(reference, x, corrections, path)
             stick, corrections = np.concatenate([stick, decided[None]]), np.concatenate([corrections, correction[None]])
-            self._move(stick[0], clock, x)
+            self._move(stick[0], clock, reference, x)
             x = advance(self.rates, x, pilot.sample)
             broken = ~np.isfinite(x).all(axis=0)
             if broken.any():
                 lost[broken], x = np.minimum(lost[broken], k + 1), np.where(broken, line, x)
             clock = clock + pilot.sample * x[3] / line[3]
+            if replanned is not None:
+                replanned.clock = reference.clock + pilot.sample * x[3] / reference.state[3]
             stick, corrections = stick[1:], corrections[1:]
         cut = slice(samples)
         return Flights(pilot.sample, states[cut], clocks[cut], path_errors[cut], loads[cut], np.minimum(lost, samples))
@@ -192,25 +231,24 @@ class _Batch:
             self.inputs[CONTROLS + 1] += east * u + north * v
             self.inputs[CONTROLS + 2] += w
 
-    def _decide(
-        self, clock: Array, line: Array, x: Array, e: Array, corrections: Array, path: Array
-    ) -> tuple[Array, Array]:
-        """Return the stick decided now, within its limits, and its difference from that of the optimum."""
-        pilot, gains, nominal = self.loop.pilot, self.loop.gains, self.loop.nominal
-        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.feedback) - 1)
+    def _decide(self, reference: _Reference, x: Array, corrections: Array, path: Array) -> tuple[Array, Array]:
+        """Return the stick decided now, within its limits, and its difference from that of the line."""
+        pilot, nominal, clock, e = self.loop.pilot, reference.line, reference.clock, reference.error
+        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), reference.feedback.shape[-3] - 1)
+        feedback = entries(reference.feedback, row, 2)
         limited_error = e.copy()
         limited_error[:3] = np.minimum(np.maximum(e[:3], -pilot.urgent), pilot.urgent)
         observed = np.concatenate([limited_error, corrections.reshape(-1, self.count)])
-        *decision, alpha = np.einsum("nij,nj->in", gains.feedback[row], np.ascontiguousarray(observed.T))
+        *decision, alpha = np.einsum("nij,nj->in", feedback, np.ascontiguousarray(observed.T))
         decision = np.array(decision)
-        place_ahead = clock + pilot.delay * x[3] / line[3]
+        place_ahead = clock + pilot.delay * x[3] / reference.state[3]
         optimum = nominal.stick(place_ahead, pilot.sample)
-        # near the stall the path error commands no further pull; the optimum's own pull stays, and so does damping
+        # near the stall the path error commands no further pull; the line's own pull stays, and so does damping
         expected = nominal.at(place_ahead, slice(STATE["alpha_K"], STATE["alpha_K"] + 1))[0]
         turned = path[self.alpha_row] - x[STATE["alpha_K"]]  # by gusts and wind
         alpha = alpha + expected + turned
         commanded = np.sum(
-            gains.feedback[row, 0, :PATH] * limited_error[:PATH].T, axis=1
+            feedback[:, 0, :PATH] * limited_error[:PATH].T, axis=1
         )  # of the elevator; nose up where negative
         above, below = np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
         room = np.asarray(np.where(commanded < 0.0, above, below), np.float64)
@@ -218,21 +256,28 @@ class _Batch:
         limited = np.minimum(np.maximum(optimum + decision, self.lower), self.upper)
         return limited, limited - optimum
 
-    def _move(self, stick: Array, clock: Array, x: Array) -> None:
+    def _move(self, stick: Array, clock: Array, reference: _Reference, x: Array) -> None:
         """Set the stick of a sample: ailerons late or early, and nothing beyond the travel of the surfaces."""
-        pilot, nominal = self.loop.pilot, self.loop.nominal
+        pilot, line = self.loop.pilot, reference.line
         u = self.inputs[:CONTROLS]
         u[:] = stick
         if self.late.any():
             row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), self.loop.linear.count)
             flight, own = np.arange(self.count), slice(AILERONS, AILERONS + 1)
-            end = clock + pilot.sample - self.late[row + 1, flight]
-            begin = clock - self.late[row, flight]
-            moved = nominal.moved_to(end, own) - nominal.moved_to(begin, own)
-            u[own] += moved / pilot.sample - nominal.stick(clock, pilot.sample, own)
+            end = reference.clock + pilot.sample - self.late[row + 1, flight]
+            begin = reference.clock - self.late[row, flight]
+            moved = line.moved_to(end, own) - line.moved_to(begin, own)
+            u[own] += moved / pilot.sample - line.stick(reference.clock, pilot.sample, own)
         u[:] = np.minimum(np.maximum(u, self.lower), self.upper)
         lower, upper = ((end - x[SURFACES]) / pilot.sample for end in self.travel)
         u[: CONTROLS - 1] = np.minimum(np.maximum(u[: CONTROLS - 1], lower), upper)
+
+
+def _reference(replanned: ReplannedLines, x: Array) -> _Reference:
+    """Return what pilots with lines of their own follow in states (17, n)."""
+    clock = abeam(replanned.line, x, replanned.clock)
+    state = replanned.line.at(clock)
+    return _Reference(replanned.line, replanned.feedback, clock, state, errors(x, state))
 
 
 def course(line: Array) -> tuple[Array, Array]:

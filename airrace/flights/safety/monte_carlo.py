@@ -19,6 +19,7 @@ from airrace.flights.safety.judge import FlightMeasurements, Judge, axis_of, gri
 from airrace.flights.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DisturbedPlant
+from airrace.flights.safety.replanning import Replanning
 from airrace.model.frames import rotation
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.result import StageResult
@@ -80,7 +81,7 @@ class Deviation:
     Attributes:
         mean: of all flights.
         quantiles: of the absolute deviation, for `SHARES`; NaN of too few flights, see `fewest`.
-        linear: standard deviation by the linear covariance; NaN where it is not known.
+        linear: standard deviation by the linear covariance; NaN where it is not known, as of replanned lines.
     """
 
     mean: float
@@ -117,6 +118,7 @@ class SafetyResult:
         outside: flights that break anything but the load factor.
         gates, legs: the scatter.
         pylons: flights that touch each pylon, and the least distance of any, m, by its name.
+        race_times: of the flights, s, NaN where one does not finish; shape (n,).
         clock, envelope: the grid of the clock, s, shape (m,), and on it the quantiles 0.0015, 0.025, 0.5, 0.975 and
             0.9985 of lateral (m), height (m), bank (rad) and load factor (g), shape (5, 4, m); NaN of too few flights.
     """
@@ -132,6 +134,7 @@ class SafetyResult:
     gates: tuple[Stretch, ...]
     legs: tuple[Stretch, ...]
     pylons: Mapping[str, tuple[Count, float]]
+    race_times: Array
     clock: Array
     envelope: Array
 
@@ -265,6 +268,7 @@ def fly_closed_loop(
     pilot: PilotModel | None = None,
     seed: int = 0,
     threads: int | None = None,
+    replanning: Replanning | None = None,
 ) -> SafetyResult:
     """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
@@ -276,9 +280,11 @@ def fly_closed_loop(
         pilot: the model of the pilot; None for the defaults.
         seed: of all flights; flight k is the same for any number of flights.
         threads: None for one per processor.
+        replanning: of the line that is followed, by threads of its own; None where it is the optimum all along.
 
     Raises:
         UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
+        SolverCrash: a solver process died.
     """
     if not 1 <= flights <= MOST_FLIGHTS:
         raise UsageError(f"{flights} flights are out of range: it must be 1 to {MOST_FLIGHTS}")
@@ -287,9 +293,10 @@ def fly_closed_loop(
     judge = Judge.from_optimum(race, result, loop)
 
     def run_batch(numbers: range) -> FlightMeasurements:
-        return measure(judge, loop, fly(loop, scatter, seed, numbers))
+        return measure(judge, loop, fly(loop, scatter, seed, numbers, replanning))
 
-    with ThreadPoolExecutor(threads or available_cores()) as pool:
+    batches_at_once = 1 if replanning else threads or available_cores()
+    with ThreadPoolExecutor(batches_at_once) as pool:
         measured = together(list(pool.map(run_batch, batches(flights))))
     names = [passage.name for passage in race.course.passages]
     broken = {
@@ -301,6 +308,7 @@ def fly_closed_loop(
     contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
     outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind != LOAD])
     clock, passing_times = grid_of(loop.nominal), loop.nominal.passing_times
+    linear = np.full((len(names), 5), np.nan) if replanning else linear_at_passings(loop, judge, scatter)
     with np.errstate(all="ignore"):
         envelope = np.stack([_quantile(measured.deviations, share) for share in ENVELOPE])
     return SafetyResult(
@@ -312,12 +320,13 @@ def fly_closed_loop(
         counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in broken.items()},
         contact=Count.with_interval(int(contact.sum()), flights),
         outside=Count.with_interval(int(outside.sum()), flights),
-        gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
+        gates=tuple(gate_stretches(names, measured, linear)),
         legs=tuple(leg_stretches(names, passing_times, clock, measured)),
         pylons={
             f"{pylon.text}, {pylon.post + 1}": (Count.with_interval(int(touched.sum()), flights), float(nearest.min()))
             for pylon, touched, nearest in zip(judge.pylons, measured.touched, measured.nearest, strict=True)
         },
+        race_times=passing_times[-1] + measured.crossed[-1, -1],
         clock=clock,
         envelope=envelope,
     )

@@ -8,15 +8,17 @@ same time: the clock of a flight is that at which its position lies in the plane
 in the axes `R` of the flight path on the line, sixteen numbers; the first, along the line, is zero on the clock.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.errors import UsageError
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, DisturbedPlant, advance
 from airrace.model.frames import QUATERNION, product, rotation
-from airrace.optimal_control.trajectory import Array
+from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.race import Race
@@ -36,11 +38,11 @@ RUN_OUT = 0.4
 
 @dataclass(frozen=True, eq=False)
 class NominalFlight:
-    """An optimum over its clock, at even steps.
+    """An optimum over its clock, at even steps; or as many lines as there are flights, one for each.
 
     Attributes:
-        state: at the steps, shape (M, 17).
-        moved: integrals of the controls up to the steps, shape (M, 4).
+        state: at the steps, shape (M, 17), or (n, M, 17) of n lines.
+        moved: integrals of the controls up to the steps, shape (M, 4), or (n, M, 4).
         passing_times: when the passages are passed, s; shape (n,).
     """
 
@@ -59,19 +61,38 @@ class NominalFlight:
         names = [state.name for state in plant.system.states]
         if not set(names) <= {state.name for state in trajectory.states}:
             raise UsageError(f"closed-loop flights follow an optimum of six-dof; {result.stage.value} is another stage")
-        count = int(np.floor(trajectory.time[-1] / TABLE_STEP)) + 1
-        times = instants(TABLE_STEP, count)
-        histories = stored_stages.sampler(race, result)(times)
-        state = np.stack([histories[name] for name in names])
-        if not np.isfinite(state).all():
+        line = cls.along(trajectory, stored_stages.sampler(race, result), plant)
+        if not np.isfinite(line.state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")
+        return line
+
+    @classmethod
+    def along(
+        cls,
+        trajectory: Trajectory,
+        sampler: Callable[[Array], Mapping[str, Array]],
+        plant: DisturbedPlant,
+        until: float = math.inf,
+    ) -> "NominalFlight":
+        """Return a flight as a line, not finite where it cannot be integrated again.
+
+        Args:
+            trajectory: of the model of the plant.
+            sampler: its states at any times, s, by name.
+            plant: the aircraft.
+            until: the time up to which the line is needed, s; behind the end it goes on with the stick held.
+        """
+        count = int(np.floor(min(trajectory.time[-1], until) / TABLE_STEP)) + 1
+        times = instants(TABLE_STEP, count)
+        histories = sampler(times)
+        state = np.stack([histories[name] for name in STATE])
         controls = np.stack([trajectory[control.name] for control in plant.system.controls])
         sums = np.pad(np.cumsum(controls * np.diff(trajectory.time), axis=1), ((0, 0), (1, 0)))
         moved = np.stack([np.asarray(np.interp(times, trajectory.time, row), np.float64) for row in sums])
         inputs = np.zeros((CONTROLS + DISTURBANCES, 1))
         inputs[CONTROLS - 1] = controls[-1, -1]
         rates, behind, x = plant.rates_of(inputs), list[Array](), state[:, -1:]
-        for _ in range(round(RUN_OUT / TABLE_STEP)):
+        for _ in range(round(RUN_OUT / TABLE_STEP) if until > trajectory.time[-1] else 0):
             x = advance(rates, x, TABLE_STEP)
             behind.append(x)
         last = moved[:, -1:] + inputs[:CONTROLS] * TABLE_STEP * np.arange(1, len(behind) + 1)
@@ -82,11 +103,11 @@ class NominalFlight:
     @property
     def end(self) -> float:
         """The clock at the end of the table, s."""
-        return TABLE_STEP * (len(self.state) - 1)
+        return TABLE_STEP * (self.state.shape[-2] - 1)
 
     def at(self, clock: Array, rows: slice = slice(STATES)) -> Array:
         """Return states at clocks (n,), s, within the table; shape (17, n), or some of their rows."""
-        return _between(self.state[:, rows], clock)
+        return _between(self.state[..., rows], clock)
 
     def stick(self, clock: Array, seconds: float, rows: slice = slice(CONTROLS)) -> Array:
         """Return the mean controls from each clock on for some seconds, shape (4, n), or some of their rows."""
@@ -95,7 +116,7 @@ class NominalFlight:
 
     def moved_to(self, clock: Array, rows: slice = slice(CONTROLS)) -> Array:
         """Return the integrals of the controls up to clocks (n,), shape (4, n), or some of their rows."""
-        return _between(self.moved[:, rows], clock)
+        return _between(self.moved[..., rows], clock)
 
 
 def instants(step: float, count: int) -> Array:
@@ -103,11 +124,16 @@ def instants(step: float, count: int) -> Array:
     return np.asarray(step * np.arange(count), np.float64)
 
 
+def entries(table: Array, row: NDArray[np.int64], dimensions: int) -> Array:
+    """Return the entries (arrays of some dimensions) at rows (n,) of a table: one for all flights, or one for each."""
+    return table[row] if table.ndim == 1 + dimensions else table[np.arange(len(table)), row]
+
+
 def _between(table: Array, clock: Array) -> Array:
-    place = np.minimum(np.maximum(clock / TABLE_STEP, 0.0), len(table) - 1.001)
+    place = np.minimum(np.maximum(clock / TABLE_STEP, 0.0), table.shape[-2] - 1.001)
     row = place.astype(np.int64)
-    share, first = (place - row)[:, None], table[row]
-    return np.ascontiguousarray((first + share * (table[row + 1] - first)).T)
+    share, first = (place - row)[:, None], entries(table, row, 1)
+    return np.ascontiguousarray((first + share * (entries(table, row + 1, 1) - first)).T)
 
 
 def errors(state: Array, line: Array) -> Array:

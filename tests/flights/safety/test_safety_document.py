@@ -27,7 +27,7 @@ from airrace.pages.report.document import document_page
 from airrace.pages.views.drawing import figure_address
 from airrace.pages.views.safety_views import BANDS, envelope_figure
 from airrace.runs.run_state import RunState, new_run
-from airrace.runs.safety_case import SafetyCase
+from airrace.runs.safety_case import ReplannedFlights, SafetyCase
 from airrace.runs.safety_files import NO_CROWD, ensure_safety_file, safety_document
 from airrace.runs.safety_rose import SafetyRose, fly_runs
 
@@ -113,6 +113,13 @@ def test_what_is_not_certified_is_said_first() -> None:
     page = html.document_fromstring(safety_document(one, one.stage(), doubtful))
     (known,) = page.find_class("known")
     assert "not certified: six-dof: it may be better" in known.text_content()
+
+
+def test_flights_along_replanned_lines_have_a_chapter() -> None:
+    run, both = flown(), replace(case(), replanned=ReplannedFlights(0.5, case().result))
+    written = chapters(html.document_fromstring(safety_document(run, run.stage(), both)))
+    assert "replanned every 0.5 s" in written["The line replanned"]
+    assert "The line replanned" not in chapters(page_of())
 
 
 def test_a_line_with_reserve_says_so() -> None:
@@ -267,6 +274,9 @@ def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
         (("--sign-for", "me"), "--sign-for leaves a place in a document"),
         (("--winds", "5"), "is no rose of winds"),
         (("--winds", "5kt", "--stage", "six-dof"), "exclude each other"),
+        (("--winds", "5kt", "--replan", "1"), "name one run, without --winds"),
+        (("--replan", "1", "OTHER"), "name one run, without --winds"),
+        (("--replan", "0"), "it must be every 0.1 to 10 s"),
         (("--delay", "0.13", "OTHER"), "the pilot decides every 0.02 s"),
     ],
 )
