@@ -17,7 +17,7 @@ from airrace.files.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
 from airrace.files.inputs.nodes import Reporter, most_similar
 from airrace.files.inputs.places import Height
 from airrace.files.inputs.schema import Schema, ShorthandSchema, optional, read_entry
-from airrace.flights.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.flights.results.penalties import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import PILOT_DELAY
 from airrace.model.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
 from airrace.model.track.element import Element
