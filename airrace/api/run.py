@@ -120,7 +120,7 @@ class Run(RunState):
         self,
         probability: float,
         *,
-        load_factor: float | None = None,
+        load_factor: bool | None = None,
         gusts: str | None = None,
         wind_error_kt: float | None = None,
         mass_error_percent: float | None = None,
@@ -134,8 +134,8 @@ class Run(RunState):
         """Fly the race again with margins so large that flights in disturbances break no limit so probably.
 
         Args:
-            probability: that a race breaks no limit but perhaps that of the load factor.
-            load_factor: probability that a race keeps the load factor, too.
+            probability: that a race breaks no limit.
+            load_factor: whether a pull that counts by the penalties of the season breaks one.
             gusts: `none`, `light`, `moderate` or `severe`.
             wind_error_kt: standard deviation of the wind to the north and to the east.
             mass_error_percent, power_error_percent, density_error_percent: standard deviations of these.

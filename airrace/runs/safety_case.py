@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.errors import UsageError
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
     CONTACT,
     LOAD,
+    OVER_G,
     QUANTITIES,
     SHARES,
     Count,
@@ -53,7 +55,8 @@ _WORDS = {
     "crowd": "too near to the crowd",
     "safety line": "across a safety line",
     "airspace": "out of the airspace",
-    LOAD: "load factor beyond its limit",
+    OVER_G: "over-g that counts by the rules",
+    LOAD: "load factor beyond its limit, however short",
 }
 COUNTS = (
     Column("flights that", key="what"),
@@ -181,6 +184,7 @@ def fly_safety_case(
     delay: float,
     seed: int,
     threads: int | None,
+    penalties: Penalties = NONE_KNOWN,
 ) -> SafetyCase:
     """Fly a stage's optimum many times.
 
@@ -191,6 +195,7 @@ def fly_safety_case(
         gusts: `none`, `light`, `moderate` or `severe`.
         errors: standard deviations of the wind (kt), mass, power and density (%), and of the time of rolls (s).
         delay: of the pilot, s.
+        penalties: of the season, by which over-g is counted.
 
     Raises:
         UsageError: an argument is out of range, or the stage is none that could be simulated.
@@ -199,7 +204,7 @@ def fly_safety_case(
         raise UsageError(f"a seed of {seed} is out of range: it must be 0 or larger")
     scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
     closed_loop = fly_closed_loop(
-        race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads
+        race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads, penalties=penalties
     )
     (_, why) = verdict([result])
     uncertified = f"the optimum is not certified: {why}" if why else ""

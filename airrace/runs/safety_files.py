@@ -19,8 +19,9 @@ from airrace.flights.results.clearances import least_distances, near_misses
 from airrace.flights.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
 from airrace.flights.safety.closed_loop import LOST
 from airrace.flights.safety.footprint import Footprint, Track, footprint_of
-from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
+from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
 from airrace.flights.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewest
+from airrace.flights.safety.over_g import LOAD_ALLOWED
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.browser import browser_path, print_pdf
 from airrace.pages.report.document import (

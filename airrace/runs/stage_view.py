@@ -360,7 +360,16 @@ class StageView:
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
         result = downgrade_stale(self.result, self.stale)
         return fly_safety_case(
-            self.inputs.race, result, name, flights, gusts, errors, delay=delay_s, seed=seed, threads=threads
+            self.inputs.race,
+            result,
+            name,
+            flights,
+            gusts,
+            errors,
+            delay=delay_s,
+            seed=seed,
+            threads=threads,
+            penalties=self.inputs.penalties,
         )
 
     def as_object(self) -> dict[str, object]:

@@ -205,10 +205,10 @@ class ReserveEntry(Schema):
 
     what: ClassVar[str] = "a reserve"
     probability: Annotated[float, Gt(0), Lt(1)] = Field(
-        description="that a race has no touch, no missed gate and no other breach but of the load factor"
+        description="that a race has no touch, no missed gate, no over-g and no other breach"
     )
-    load_factor: Annotated[float, Ge(0), Lt(1)] = Field(
-        default=0.0, description="probability that a race keeps the load factor, too; 0 leaves it where it is"
+    load_factor: bool = Field(
+        default=True, description="whether pulls that count by the penalties of the season are breaches; else excluded"
     )
     gusts: Literal["none", "light", "moderate", "severe"] = Field(
         default="light", description="turbulence of MIL-F-8785C"

@@ -12,11 +12,23 @@ import numpy as np
 from scipy.special import betaincinv
 
 from airrace.errors import UsageError
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
-from airrace.flights.safety.judge import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
+from airrace.flights.safety.judge import (
+    LENGTH_ALLOWED,
+    FlightMeasurements,
+    Judge,
+    Thing,
+    axis_of,
+    grid_of,
+    measure,
+    onto_plane,
+    together,
+)
 from airrace.flights.safety.nominal import ERRORS, NominalFlight, gradients
+from airrace.flights.safety.over_g import LoadRule
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DisturbedPlant
 from airrace.model.frames import rotation
@@ -42,7 +54,9 @@ QUANTITIES = ("lateral", "height", "bank", "load_factor")
 CONTACT = ("pylon", "ground", "missed", "lost")
 """The kinds of breaches that end a race and may hurt people."""
 LOAD = "load factor"
-"""The kind of breach that is counted apart."""
+"""The kind of breach that is counted apart: beyond the limit for however short a time."""
+OVER_G = "over-g"
+"""The kind of breach of pulls that count by the rules; see `airrace.flights.safety.over_g`."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +85,33 @@ class Count:
     def share(self) -> float:
         """The share of the flights."""
         return self.flights / self.of
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How near flights come to one thing.
+
+    Attributes:
+        thing: from which the distance is measured.
+        least: that of all flights, m.
+        kept: the distance that 99.7 % of them keep, m; NaN of too few flights, see `fewest`.
+        nearer: the flights that come nearer than the course allows, by more than what is not counted.
+    """
+
+    thing: Thing
+    least: float
+    kept: float
+    nearer: Count
+
+    @classmethod
+    def from_distances(cls, thing: Thing, distances: Array) -> "Nearness":
+        """Return that of the least distances of all flights, m, shape (n,)."""
+        count = len(distances)
+        nearer = Count.with_interval(int((distances < thing.required - LENGTH_ALLOWED).sum()), count)
+        kept = np.nan
+        if count >= fewest(SHARES[1]):
+            kept = float(np.sort(distances)[math.floor((1.0 - SHARES[1]) * count + 1e-9)])
+        return cls(thing, float(distances.min()), kept, nearer)
 
 
 @dataclass(frozen=True)
@@ -112,10 +153,14 @@ class SafetyResult:
         race_time: of the optimum, s.
         counts: by kind: `pylon` (the wing touches one), `ground` (a wing tip does), `missed`, `clearance`, `height`,
             `bank`, `course`, `climb`, `speed`, `tolerance` at gates; `flight clearance` (of the wing at any time),
-            `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`; `load factor`.
+            `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`; `load factor`, beyond its limit however
+            short; `over-g`, by the rules.
         contact: flights that touch a pylon or the ground, miss a gate or are lost.
         outside: flights that break anything but the load factor.
-        gates, legs: the scatter.
+        broken: flights that break anything, over-g included.
+        load_rule: the pulls that count as over-g; `pulls`, how many there are in all flights together.
+        gates, legs: the scatter; over-g is among the breaches of legs.
+        distances: from people, lines, border, obstacles and the ground.
         pylons: flights that touch each pylon, and the least distance of any, m, by its name.
         clock, envelope: the grid of the clock, s, shape (m,), and on it the quantiles 0.0015, 0.025, 0.5, 0.975 and
             0.9985 of lateral (m), height (m), bank (rad) and load factor (g), shape (5, 4, m); NaN of too few flights.
@@ -129,6 +174,10 @@ class SafetyResult:
     counts: Mapping[str, Count]
     contact: Count
     outside: Count
+    broken: Count
+    load_rule: LoadRule
+    pulls: int
+    distances: tuple[Nearness, ...]
     gates: tuple[Stretch, ...]
     legs: tuple[Stretch, ...]
     pylons: Mapping[str, tuple[Count, float]]
@@ -176,7 +225,9 @@ def leg_stretches(
     for number, name in enumerate(names[1:]):
         inside = (clock >= passing_times[number]) & (clock <= passing_times[number + 1])
         rows = measured.deviations[:, inside]
-        yield Stretch(name, {key: _worst(values) for key, values in zip(QUANTITIES, rows, strict=True)}, {})
+        pulled = measured.pulls[number + 1] > 0
+        breaches = {OVER_G: Count.with_interval(int(pulled.sum()), len(pulled))} if pulled.any() else {}
+        yield Stretch(name, {key: _worst(values) for key, values in zip(QUANTITIES, rows, strict=True)}, breaches)
 
 
 def _deviation(values: Array, linear: float) -> Deviation:
@@ -265,6 +316,7 @@ def fly_closed_loop(
     pilot: PilotModel | None = None,
     seed: int = 0,
     threads: int | None = None,
+    penalties: Penalties = NONE_KNOWN,
 ) -> SafetyResult:
     """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
@@ -276,6 +328,7 @@ def fly_closed_loop(
         pilot: the model of the pilot; None for the defaults.
         seed: of all flights; flight k is the same for any number of flights.
         threads: None for one per processor.
+        penalties: of the season, by which over-g is counted.
 
     Raises:
         UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
@@ -284,7 +337,7 @@ def fly_closed_loop(
         raise UsageError(f"{flights} flights are out of range: it must be 1 to {MOST_FLIGHTS}")
     race, scatter = race.by_rules, scatter or Scatter()
     loop = closed_loop_of(race, result, pilot or PilotModel())
-    judge = Judge.from_optimum(race, result, loop)
+    judge = Judge.from_optimum(race, result, loop, penalties)
 
     def run_batch(numbers: range) -> FlightMeasurements:
         return measure(judge, loop, fly(loop, scatter, seed, numbers))
@@ -297,9 +350,10 @@ def fly_closed_loop(
         **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
         **measured.along,
         "lost": measured.lost,
+        OVER_G: np.asarray(measured.pulls.any(axis=0)),
     }
     contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
-    outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind != LOAD])
+    outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind not in (LOAD, OVER_G)])
     clock, passing_times = grid_of(loop.nominal), loop.nominal.passing_times
     with np.errstate(all="ignore"):
         envelope = np.stack([_quantile(measured.deviations, share) for share in ENVELOPE])
@@ -312,6 +366,10 @@ def fly_closed_loop(
         counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in broken.items()},
         contact=Count.with_interval(int(contact.sum()), flights),
         outside=Count.with_interval(int(outside.sum()), flights),
+        broken=Count.with_interval(int((outside | broken[OVER_G]).sum()), flights),
+        load_rule=judge.load_rule,
+        pulls=int(measured.pulls.sum()),
+        distances=tuple(map(Nearness.from_distances, judge.things, measured.distances)),
         gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
         legs=tuple(leg_stretches(names, passing_times, clock, measured)),
         pylons={

@@ -33,13 +33,13 @@ from airrace.flights.safety.judge import (
     KINDS,
     LENGTH_ALLOWED,
     LENGTHS,
-    LOAD_ALLOWED,
     Judge,
     onto_plane,
     wing_of,
 )
 from airrace.flights.safety.monte_carlo import LOAD
 from airrace.flights.safety.nominal import ERRORS, gradients, instants
+from airrace.flights.safety.over_g import LOAD_ALLOWED
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE
 from airrace.model.track.gates import ElementWithTolerances, Passing
@@ -332,24 +332,31 @@ class Allocation:
     reaches: bool
 
 
-def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) -> Allocation:
+def allocate(
+    limits: Sequence[Limit], prices: Mapping[str, float], risk: float, weights: Mapping[str, float] | None = None
+) -> Allocation:
     """Return the cheapest margins that leave a risk.
 
     Args:
         limits: of one race.
         prices: of margins, s per unit of their keys; those that are missing cost nothing.
         risk: the sum of the probabilities of breaches that is allowed.
+        weights: of these probabilities, by the kinds of the limits; 1 where there is none.
     """
+
+    def risk_of(limit: Limit, margin: Array) -> Array:
+        return (weights or {}).get(limit.kind, 1.0) * limit.risk(margin)
+
     by_key: dict[str, list[Limit]] = {}
     for limit in limits:
         by_key.setdefault(limit.key, []).append(limit)
-    fixed = sum(float(limit.risk(np.zeros(()))) for limit in by_key.pop("", []))
+    fixed = sum(float(risk_of(limit, np.zeros(()))) for limit in by_key.pop("", []))
     tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
     for row, (key, of_key) in enumerate(by_key.items()):
         most = min(max(limit.negligible_risk_margin for limit in of_key), min(limit.most for limit in of_key))
         tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
         least = PRICE_MIN * max(limit.rate / limit.sigma for limit in of_key)
-        risks[row] = sum(limit.risk(tried[row]) for limit in of_key)
+        risks[row] = sum(risk_of(limit, tried[row]) for limit in of_key)
         costs[row] = max(prices.get(key, 0.0), least) * tried[row]
 
     def chosen(weight: float) -> tuple[Array, float]:
@@ -362,5 +369,5 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
         weight = math.sqrt(low * high)
         low, high = (low, weight) if chosen(weight)[1] <= risk else (weight, high)
     margins = dict(zip(by_key, chosen(high)[0].tolist(), strict=True))
-    left = np.array([float(limit.risk(np.array(margins.get(limit.key, 0.0)))) for limit in limits])
+    left = np.array([float(risk_of(limit, np.array(margins.get(limit.key, 0.0)))) for limit in limits])
     return Allocation({key: margin for key, margin in margins.items() if margin > 0.0}, left, bool(left.sum() <= risk))

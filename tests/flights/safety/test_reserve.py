@@ -288,8 +288,8 @@ def test_attempts_are_kept_with_the_stage_and_the_reserve_that_they_are_of() -> 
     given = with_overrides("rules.reserve.probability=0.9")
     assert given.reserve is not None
     run = new_run(given).with_stage(optimum())
-    one = ReserveAttempt(asked_text(given.reserve), 1000, 80, 20, 0.1, 0.0, 0.5, done=False)
-    none = replace(one, flights=0, outside=0, over_load=0)
+    one = ReserveAttempt(asked_text(given.reserve), 1000, 90, 80, 20, 0.1, 1.0, 0.5, done=False)
+    none = replace(one, flights=0, broken=0, outside=0, over_g=0)
     tried = run.with_attempt(one, flown()).with_attempt(none, None)
     assert [stored.attempt for stored in tried.attempts] == [one, none]
     again = tried.attempt_run(tried.attempts[0])
@@ -310,7 +310,7 @@ def test_counts_that_flights_do_not_confirm_are_refused(monkeypatch: pytest.Monk
     given = with_overrides("rules.reserve.probability=0.9", "rules.reserve.gusts=severe")
     assert given.reserve is not None
     run = new_run(given).with_stage(optimum())
-    tampered = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0.1, 0.0, 0.0, done=True)
+    tampered = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0, 0.1, 1.0, 0.0, done=True)
     with pytest.raises(CheckpointError, match="attempt 1 of 4 is not what was stored"):
         fly_reserve(run.with_attempt(tampered, flown()), given.reserve, again, threads=1)
 
