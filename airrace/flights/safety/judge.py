@@ -164,7 +164,6 @@ class Judge:
         inputs = np.zeros((plant.path.size1_in(1), states.shape[1]))
         row = plant.path_row("n_z")
         limit = plant.system.path[row]
-        load = Interval(limit.lower, limit.upper)
         return cls(
             race.course,
             tuple(waypoints),
@@ -173,8 +172,8 @@ class Judge:
             plant.path_of(inputs)(states)[row],
             pylons_of(race.course),
             0.5 * span,
-            load,
-            LoadRule.from_penalties(race, load, penalties),
+            Interval(limit.lower, limit.upper),
+            LoadRule.from_penalties(race, penalties),
             crossing,
         )
 

@@ -4,7 +4,7 @@ Its results are counts with confidence intervals, and the scatter at every gate 
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -16,8 +16,10 @@ from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
+from airrace.flights.safety.impacts import Fallen, Stretches, fall, fallen_together, targets_of
 from airrace.flights.safety.judge import (
     LENGTH_ALLOWED,
+    Booleans,
     FlightMeasurements,
     Judge,
     Thing,
@@ -37,6 +39,14 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.runtime.process import available_cores
+
+Watch = Callable[[int, int], None]
+"""Is told how much is done, and of how much."""
+
+
+def unwatched(done: int, total: int) -> None:
+    """Tell nobody how much is done."""
+
 
 CONFIDENCE = 0.95
 """The confidence of intervals of counts."""
@@ -95,7 +105,7 @@ class Nearness:
         thing: from which the distance is measured.
         least: that of all flights, m.
         kept: the distance that 99.7 % of them keep, m; NaN of too few flights, see `fewest`.
-        nearer: the flights that come nearer than the course allows, by more than what is not counted.
+        nearer: the flights that come too near.
     """
 
     thing: Thing
@@ -104,14 +114,12 @@ class Nearness:
     nearer: Count
 
     @classmethod
-    def from_distances(cls, thing: Thing, distances: Array) -> "Nearness":
-        """Return that of the least distances of all flights, m, shape (n,)."""
-        count = len(distances)
-        nearer = Count.with_interval(int((distances < thing.required - LENGTH_ALLOWED).sum()), count)
-        kept = np.nan
+    def from_distances(cls, thing: Thing, distances: Array, nearer: Booleans) -> "Nearness":
+        """Return that of the least distances of all flights, m, and of those that come too near, each of shape (n,)."""
+        count, kept = len(distances), np.nan
         if count >= fewest(SHARES[1]):
             kept = float(np.sort(distances)[math.floor((1.0 - SHARES[1]) * count + 1e-9)])
-        return cls(thing, float(distances.min()), kept, nearer)
+        return cls(thing, float(distances.min()), kept, Count.with_interval(int(nearer.sum()), count))
 
 
 @dataclass(frozen=True)
@@ -160,7 +168,11 @@ class SafetyResult:
         broken: flights that break anything, over-g included.
         load_rule: the pulls that count as over-g; `pulls`, how many there are in all flights together.
         gates, legs: the scatter; over-g is among the breaches of legs.
-        distances: from people, lines, border, obstacles and the ground.
+        distances: from people, lines, border, obstacles and the ground; too near is nearer than the course allows, by
+            more than what is not counted.
+        impacts: distances of falls from people, lines and border, half the span taken off; too near is on people, and
+            beyond a line or the border. Empty where flights were not let fall.
+        stretches: what these falls sweep over, flight by flight.
         pylons: flights that touch each pylon, and the least distance of any, m, by its name.
         clock, envelope: the grid of the clock, s, shape (m,), and on it the quantiles 0.0015, 0.025, 0.5, 0.975 and
             0.9985 of lateral (m), height (m), bank (rad) and load factor (g), shape (5, 4, m); NaN of too few flights.
@@ -183,6 +195,8 @@ class SafetyResult:
     pylons: Mapping[str, tuple[Count, float]]
     clock: Array
     envelope: Array
+    impacts: tuple[Nearness, ...] = ()
+    stretches: tuple[Stretches, ...] = ()
 
     @property
     def note(self) -> str:
@@ -317,6 +331,8 @@ def fly_closed_loop(
     seed: int = 0,
     threads: int | None = None,
     penalties: Penalties = NONE_KNOWN,
+    falls: bool = False,
+    watch: Watch = unwatched,
 ) -> SafetyResult:
     """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
@@ -329,6 +345,8 @@ def fly_closed_loop(
         seed: of all flights; flight k is the same for any number of flights.
         threads: None for one per processor.
         penalties: of the season, by which over-g is counted.
+        falls: whether all flights are let fall, too.
+        watch: is told how many flights are flown, and how many there are.
 
     Raises:
         UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
@@ -339,11 +357,18 @@ def fly_closed_loop(
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.from_optimum(race, result, loop, penalties)
 
-    def run_batch(numbers: range) -> FlightMeasurements:
-        return measure(judge, loop, fly(loop, scatter, seed, numbers))
+    def run_batch(numbers: range) -> tuple[FlightMeasurements, Fallen | None]:
+        flown = fly(loop, scatter, seed, numbers)
+        return measure(judge, loop, flown), fall(race, loop, flown) if falls else None
 
+    parts: list[tuple[FlightMeasurements, Fallen | None]] = []
     with ThreadPoolExecutor(threads or available_cores()) as pool:
-        measured = together(list(pool.map(run_batch, batches(flights))))
+        watch(0, flights)
+        for numbers, part in zip(batches(flights), pool.map(run_batch, batches(flights)), strict=True):
+            parts.append(part)
+            watch(numbers.stop, flights)
+    measured = together([part for part, _ in parts])
+    fallen = fallen_together([part for _, part in parts if part is not None])
     names = [passage.name for passage in race.course.passages]
     broken = {
         "pylon": np.asarray(measured.touched.any(axis=0)),
@@ -369,7 +394,15 @@ def fly_closed_loop(
         broken=Count.with_interval(int((outside | broken[OVER_G]).sum()), flights),
         load_rule=judge.load_rule,
         pulls=int(measured.pulls.sum()),
-        distances=tuple(map(Nearness.from_distances, judge.things, measured.distances)),
+        distances=tuple(
+            Nearness.from_distances(thing, distances, distances < thing.required - LENGTH_ALLOWED)
+            for thing, distances in zip(judge.things, measured.distances, strict=True)
+        ),
+        impacts=tuple(
+            Nearness.from_distances(thing, distances, distances <= 0.0 if thing.kind == "crowd" else distances < 0.0)
+            for thing, distances in zip(targets_of(race), fallen.distances, strict=False)
+        ),
+        stretches=fallen.stretches,
         gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
         legs=tuple(leg_stretches(names, passing_times, clock, measured)),
         pylons={

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.results.penalties import ENDS_RACE, NONE_KNOWN, Penalties
-from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race
 
@@ -38,25 +37,15 @@ class LoadRule:
     penalty: float | None
 
     @classmethod
-    def from_penalties(cls, race: Race, allowed: Interval, penalties: Penalties = NONE_KNOWN) -> "LoadRule":
-        """Return the rule of a race.
-
-        Args:
-            race: whose rules and whose aircraft limit the load factor.
-            allowed: by both together.
-            penalties: of the season.
-        """
-        has_ladder = penalties.load_factor is not None or penalties.load_factor_end is not None
-        if not has_ladder:
-            return cls(allowed.lower, allowed.upper, 0.0, math.inf, None)
-        ends = penalties.load_factor_end if penalties.load_factor_end is not None else math.inf
-        return cls(
-            allowed.lower,
-            penalties.load_factor_from or race.course.rules.n_z.upper,
-            penalties.load_factor_time,
-            min(ends, race.aircraft.envelope.n_z.upper),
-            penalties.load_factor,
-        )
+    def from_penalties(cls, race: Race, penalties: Penalties = NONE_KNOWN) -> "LoadRule":
+        """Return the rule of a race with the penalties of its season; those of a pilot's comfort are no rules."""
+        rules, aircraft = race.course.rules.n_z, race.aircraft.envelope.n_z
+        lower, ends = max(rules.lower, aircraft.lower), penalties.load_factor_end
+        if penalties.load_factor is None and ends is None:  # no ladder
+            return cls(lower, min(rules.upper, aircraft.upper), 0.0, math.inf, None)
+        at_once = aircraft.upper if ends is None else min(ends, aircraft.upper)
+        above = penalties.load_factor_from or rules.upper
+        return cls(lower, above, penalties.load_factor_time, at_once, penalties.load_factor)
 
     @property
     def text(self) -> str:
