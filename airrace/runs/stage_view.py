@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from airrace.flights.results.duals import ConstraintMultipliers, NamedArray
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
+    from airrace.flights.safety.monte_carlo import Watch
     from airrace.runs.safety_case import SafetyCase
 
 
@@ -337,6 +338,9 @@ class StageView:
         seed: int = 0,
         threads: int | None = None,
         label: str | None = None,
+        falls: bool = False,
+        watch: "Watch | None" = None,
+        until: float = math.inf,
     ) -> "SafetyCase":
         """Fly the optimum many times with a pilot in the loop, in gusts and with errors, as `airrace safety` does.
 
@@ -350,11 +354,15 @@ class StageView:
             seed: of all flights.
             threads: None for one per processor.
             label: what people call the flight; None for the track's name and the stage.
+            falls: whether the flights are let fall, too, from every tenth of a second.
+            watch: is told how many flights are flown, of how many, and how many of these break a rule.
+            until: the time of the monotonic clock, s, at which flights end; those that are flown count.
 
         Raises:
             UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
         """
-        from airrace.runs.safety_case import fly_safety_case  # takes what flies, likewise
+        from airrace.flights.safety.monte_carlo import unwatched  # takes what flies, likewise
+        from airrace.runs.safety_case import fly_safety_case
 
         errors = (wind_error_kt, mass_error_percent, power_error_percent, density_error_percent, roll_timing_s)
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
@@ -370,6 +378,9 @@ class StageView:
             seed=seed,
             threads=threads,
             penalties=self.inputs.penalties,
+            falls=falls,
+            watch=watch or unwatched,
+            until=until,
         )
 
     def as_object(self) -> dict[str, object]:

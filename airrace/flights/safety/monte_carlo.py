@@ -4,6 +4,7 @@ Its results are counts with confidence intervals, and the scatter at every gate 
 """
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -40,12 +41,12 @@ from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.runtime.process import available_cores
 
-Watch = Callable[[int, int], None]
-"""Is told how much is done, and of how much."""
+Watch = Callable[[int, int, int], None]
+"""Is told how many flights are flown, of how many, and how many of these break a rule."""
 
 
-def unwatched(done: int, total: int) -> None:
-    """Tell nobody how much is done."""
+def unwatched(done: int, total: int, broken: int) -> None:
+    """Tell nobody."""
 
 
 CONFIDENCE = 0.95
@@ -158,6 +159,7 @@ class SafetyResult:
 
     Attributes:
         scatter, pilot, seed, flights: what was simulated, and how often.
+        asked: how many flights were asked for; more than `flights` where the time was over before.
         race_time: of the optimum, s.
         counts: by kind: `pylon` (the wing touches one), `ground` (a wing tip does), `missed`, `clearance`, `height`,
             `bank`, `course`, `climb`, `speed`, `tolerance` at gates; `flight clearance` (of the wing at any time),
@@ -182,6 +184,7 @@ class SafetyResult:
     pilot: PilotModel
     seed: int
     flights: int
+    asked: int
     race_time: float
     counts: Mapping[str, Count]
     contact: Count
@@ -333,6 +336,7 @@ def fly_closed_loop(
     penalties: Penalties = NONE_KNOWN,
     falls: bool = False,
     watch: Watch = unwatched,
+    until: float = math.inf,
 ) -> SafetyResult:
     """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
@@ -346,7 +350,8 @@ def fly_closed_loop(
         threads: None for one per processor.
         penalties: of the season, by which over-g is counted.
         falls: whether all flights are let fall, too.
-        watch: is told how many flights are flown, and how many there are.
+        watch: is told how far it is, batch by batch.
+        until: the time of the monotonic clock, s, after which no further batch begins; the first one always does.
 
     Raises:
         UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
@@ -357,28 +362,32 @@ def fly_closed_loop(
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.from_optimum(race, result, loop, penalties)
 
-    def run_batch(numbers: range) -> tuple[FlightMeasurements, Fallen | None]:
+    def run_batch(numbers: range) -> tuple[FlightMeasurements, Fallen | None] | None:
+        if numbers.start and time.monotonic() > until:
+            return None
         flown = fly(loop, scatter, seed, numbers)
         return measure(judge, loop, flown), fall(race, loop, flown) if falls else None
 
     parts: list[tuple[FlightMeasurements, Fallen | None]] = []
+    asked, failed = flights, 0
     with ThreadPoolExecutor(threads or available_cores()) as pool:
-        watch(0, flights)
-        for numbers, part in zip(batches(flights), pool.map(run_batch, batches(flights)), strict=True):
-            parts.append(part)
-            watch(numbers.stop, flights)
+        watch(0, asked, 0)
+        try:
+            for numbers, part in zip(batches(asked), pool.map(run_batch, batches(asked)), strict=True):
+                if part is None:
+                    break
+                parts.append(part)
+                flights, failed = numbers.stop, failed + int(_broken(_breaches(part[0])).sum())
+                watch(flights, asked, failed)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)  # nobody waits for what is left
+            raise
     measured = together([part for part, _ in parts])
     fallen = fallen_together([part for _, part in parts if part is not None])
     names = [passage.name for passage in race.course.passages]
-    broken = {
-        "pylon": np.asarray(measured.touched.any(axis=0)),
-        **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
-        **measured.along,
-        "lost": measured.lost,
-        OVER_G: np.asarray(measured.pulls.any(axis=0)),
-    }
-    contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
-    outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind not in (LOAD, OVER_G)])
+    breaches = _breaches(measured)
+    contact = np.logical_or.reduce([breaches[kind] for kind in CONTACT])
+    outside = np.logical_or.reduce([breach for kind, breach in breaches.items() if kind not in (LOAD, OVER_G)])
     clock, passing_times = grid_of(loop.nominal), loop.nominal.passing_times
     with np.errstate(all="ignore"):
         envelope = np.stack([_quantile(measured.deviations, share) for share in ENVELOPE])
@@ -387,11 +396,12 @@ def fly_closed_loop(
         pilot=loop.pilot,
         seed=seed,
         flights=flights,
+        asked=asked,
         race_time=result.trajectory.race_time,
-        counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in broken.items()},
+        counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in breaches.items()},
         contact=Count.with_interval(int(contact.sum()), flights),
         outside=Count.with_interval(int(outside.sum()), flights),
-        broken=Count.with_interval(int((outside | broken[OVER_G]).sum()), flights),
+        broken=Count.with_interval(int(_broken(breaches).sum()), flights),
         load_rule=judge.load_rule,
         pulls=int(measured.pulls.sum()),
         distances=tuple(
@@ -412,6 +422,22 @@ def fly_closed_loop(
         clock=clock,
         envelope=envelope,
     )
+
+
+def _breaches(measured: FlightMeasurements) -> dict[str, Booleans]:
+    """Return which flights break what, by kind, each of shape (n,)."""
+    return {
+        "pylon": np.asarray(measured.touched.any(axis=0)),
+        **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
+        **measured.along,
+        "lost": measured.lost,
+        OVER_G: np.asarray(measured.pulls.any(axis=0)),
+    }
+
+
+def _broken(breaches: Mapping[str, Booleans]) -> Booleans:
+    """Return which flights break anything; a load factor beyond its limit is over-g where it counts."""
+    return np.asarray(np.logical_or.reduce([breach for kind, breach in breaches.items() if kind != LOAD]))
 
 
 def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Array:
