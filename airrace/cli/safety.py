@@ -24,7 +24,8 @@ def safety(command_result: PrintedResult, function: "partial[SafetyCase | Safety
 
     case = function(progress=not command_result.quiet)
     if isinstance(case, SafetyCase):
-        tables, failures = [case.counts_table(), case.gates_table(), case.legs_table()], [case.uncertified]
+        scatter = (case.gates_table().without_empty_columns(), case.legs_table().without_empty_columns())
+        tables, failures = [case.counts_table(), case.distances_table(), *scatter], [case.uncertified]
     else:
         tables, failures = [case.table()], list(case.messages)
     command_result.fields.update(case.as_object())
@@ -46,11 +47,15 @@ def footprint(command_result: PrintedResult, function: "partial[tuple[Footprint,
 
 def _texts(footprint: "Footprint", flight: "Flight") -> Iterator[str]:
     """Yield tables of falls, glides and people, and what they are not; at most 80 columns wide."""
-    from airrace.pages.views.safety_views import falls_table, footprint_facts, people_table
+    from airrace.pages.views.safety_views import borders_table, falls_table, footprint_facts, people_table
 
     yield render(falls_table(footprint, flight), columns=PAGE)
     people = people_table(footprint, flight)
     if people.rows:
         yield render(replace(people, notes=()), columns=PAGE)
     yield from (textwrap.fill(note, PAGE) for note in people.notes)
+    borders = borders_table(footprint, flight)
+    if borders.rows:
+        yield render(replace(borders, notes=()), columns=PAGE)
+        yield from (textwrap.fill(note, PAGE) for note in borders.notes)
     yield "\n".join(textwrap.fill(fact, PAGE, subsequent_indent="  ") for fact in footprint_facts(footprint, flight))

@@ -17,8 +17,8 @@ from airrace.flights.safety.monte_carlo import (
     Count,
     Nearness,
     SafetyResult,
-    Watch,
     Stretch,
+    Watch,
     fewest,
     fly_closed_loop,
     unwatched,
@@ -350,9 +350,8 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
                 row.append(factor * deviation.linear)
         row += [100.0 * stretch.breaches[kind].share if kind in stretch.breaches else 0.0 for kind in kinds]
         rows.append(row)
-    notes = [
-        f"right: flights that break a tolerance there{'; near: the wing tip too near to a pylon' * at_gates}"
-    ] * bool(kinds)
+    at_gate = "right: flights that break a tolerance there; near: the wing tip too near to a pylon"
+    notes = [at_gate if at_gates else "over-g: flights with a pull on the leg that counts"] if kinds else []
     quantiles = [deviation.quantiles[-1] for stretch in stretches for deviation in stretch.deviations.values()]
     if not all(map(math.isfinite, quantiles)):
         flights_needed = ", ".join(f"{100 * share:g} % of {fewest(share)}" for share in SHARES)

@@ -129,6 +129,28 @@ def _outcome(case: SafetyCase | str) -> list[Value]:
     return [result.race_time, *(100.0 * share for share in shares), name, 100.0 * worst.share, remark]
 
 
+def cases_by_name(every: SafetyCase | SafetyRose | SafetyRuns) -> dict[str, SafetyCase | str]:
+    """Return all cases of runs and winds, by what they are called."""
+    if isinstance(every, SafetyCase):
+        return {every.label: every}
+    if isinstance(every, SafetyRose):
+        return {wind.text: case for wind, case in every.cases.items()}
+    cases: dict[str, SafetyCase | str] = {}
+    for name, case in every.cases.items():
+        if isinstance(case, SafetyRose):
+            cases |= {f"{name}, {wind}": of_wind for wind, of_wind in cases_by_name(case).items()}
+        else:
+            cases[name] = case
+    return cases
+
+
+def own_case(run: RunState, case: SafetyCase | SafetyRose | str) -> SafetyCase | None:
+    """Return the flights of a run in its own wind; None where they were not flown."""
+    if isinstance(case, SafetyRose):
+        case = next((of_wind for wind, of_wind in case.cases.items() if is_own(wind, run)), "")
+    return None if isinstance(case, str) else case
+
+
 def is_own(wind: Wind, run: RunState) -> bool:
     """Return whether a wind is that in which a run was flown."""
     own = run.race.air.wind
@@ -191,7 +213,7 @@ def fly_rose(
     cases: dict[Wind, SafetyCase | str] = {}
     for number, wind in enumerate(rose):
         if count is not None:
-            count.begin(f"wind {number + 1} of {len(rose)}, {wind.text}", number, len(rose))
+            count.begin(f"{run.label}: wind {number + 1} of {len(rose)}, {wind.text}", number, len(rose))
         cases[wind] = case_in(wind)
     return SafetyRose(run.name, cases)
 

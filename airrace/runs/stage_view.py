@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from airrace.flights.results.duals import ConstraintMultipliers, NamedArray
+    from airrace.flights.safety.monte_carlo import Watch
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
-    from airrace.flights.safety.monte_carlo import Watch
     from airrace.runs.safety_case import SafetyCase
 
 

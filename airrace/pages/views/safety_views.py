@@ -104,6 +104,10 @@ _PEOPLE = (
     *(Column("from", "s", ".2f"), Column("leg", wraps=True), Column("hit", "s", ".2f")),
     *(Column("area", "m2", ".0f"), Column("glide", "s", ".1f"), Column("turn", "s", ".1f")),
 )
+_BORDERS = (
+    *(Column("line or border", wraps=True), Column("least", "m", "z.0f"), Column("from", "s", ".2f")),
+    *(Column("leg", wraps=True), Column("beyond", "s", ".2f")),
+)
 _HOW_TO_READ = (
     "least: distance of the nearest impact, half the span taken off. hit: for how long a fall that begins meanwhile "
     "hits people; area: of theirs under the footprint. glide: for how long a glide straight on leads over them; turn: "
@@ -134,6 +138,17 @@ def people_table(footprint: Footprint, flight: Flight) -> Table:
         for crowd in footprint.crowds
     ]
     return Table("impacts and people", _PEOPLE, rows, [_HOW_TO_READ if rows else NO_PEOPLE])
+
+
+def borders_table(footprint: Footprint, flight: Flight) -> Table:
+    """Return how near to safety lines and the border impacts come; no row where the course names none."""
+    rows = [
+        (border.name, border.distance, border.time, leg_at(flight, border.time), border.seconds)
+        for border in footprint.borders
+    ]
+    note = "least: that of the nearest impact on the allowed side, half the span taken off; negative: beyond. beyond: "
+    note += "for how long a fall that begins meanwhile ends beyond."
+    return Table("impacts, lines and border", _BORDERS, rows, [note] if rows else [])
 
 
 def footprint_facts(footprint: Footprint, flight: Flight) -> list[str]:
