@@ -166,8 +166,13 @@ class Run(RunState):
             roll_timing_s=roll_timing_s,
             delay_s=delay_s,
         )
-        fly_again = _flies_again(threads, progress=progress)
-        return fly_reserve(self, reserve_named(self, texts), fly_again, threads=threads)
+        request, fly_again = reserve_named(self, texts), _flies_again(threads, progress=progress)
+        with counting(shown=progress) as count:
+
+            def show(text: str, done: int, total: int) -> None:
+                count.show(text)
+
+            return fly_reserve(self, request, fly_again, threads=threads, tell=count.begin, show=show)
 
     def safety_in_winds(
         self, winds: str, *, progress: bool = False, timeout: float | None = None, **options: Unpack[SafetyOptions]

@@ -8,6 +8,7 @@ the ratio of observed to predicted pulls that count beside that of all other bre
 """
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +21,7 @@ from airrace.flights.safety.monte_carlo import LOAD, OVER_G, Count, SafetyResult
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.reserve import STALL, Limit, allocate, lift_margin, limits_of
 from airrace.flights.sensitivity.lagrangian import sensitivities
+from airrace.pages.views.count_view import duration_text
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
@@ -32,6 +34,8 @@ FlyAgain = Callable[[RunState, Sequence[str]], RunState]
 """Flies a run again with some values set, as `key=value`."""
 Keep = Callable[[ReserveAttempt, RunState | None], None]
 """Stores a finished attempt with its run, None where no flight has such margins."""
+Show = Callable[[str, int, int], None]
+"""Shows a line, and how much of how much is done."""
 
 ALLOCATION_ITERATIONS_MAX = 3
 """Maximum number of margin allocations for one risk."""
@@ -195,6 +199,7 @@ def fly_reserve(
     threads: int | None = None,
     keep: Keep = lambda attempt, flown: None,
     tell: Callable[[str], None] = lambda text: None,
+    show: Show = lambda text, done, total: None,
 ) -> ReserveCase:
     """Fly a race again with the smallest margins that keep a reserve.
 
@@ -207,6 +212,7 @@ def fly_reserve(
         threads: None for one per processor.
         keep: keeps every attempt that is finished.
         tell: receives a line about every attempt.
+        show: receives how far the flights of an attempt are, again and again; an error that it raises ends the search.
 
     Raises:
         UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
@@ -217,7 +223,7 @@ def fly_reserve(
         raise UsageError(f"a reserve takes a certified optimum of six-dof: {run.message or 'resume goes on to it'}")
     if run.inputs.margins:
         run = fly_again(run, UNSEARCHED)
-    return _Search(run, request, fly_again, threads, keep, tell).run()
+    return _Search(run, request, fly_again, threads, keep, tell, show).run()
 
 
 UNSEARCHED = ("rules.reserve=null", "margins=null")
@@ -257,8 +263,10 @@ class _Search:
         threads: int | None,
         keep: Keep,
         tell: Callable[[str], None],
+        show: Show,
     ) -> None:
         self.optimum, self.request, self.fly_again, self.keep, self.tell = run, request, fly_again, keep, tell
+        self.show = show
         self.asked = asked_text(request)
         self.options: dict[str, Any] = {**request.model_dump(exclude=set(REQUEST)), "threads": threads}
         errors = (request.mass_error_percent, request.power_error_percent, request.density_error_percent)
@@ -370,7 +378,17 @@ class _Search:
         return self._note(number, latest, judged(self.request, result), result.outside, result.counts[OVER_G], case)
 
     def _fly(self, latest: RunState, number: int) -> SafetyCase:
-        return latest.stages[-1].safety(flights=FLIGHTS, seed=number, **self.options)
+        started = time.monotonic()
+
+        def watch(done: int, total: int, broken: int) -> None:
+            text = f"{self._name(number)}: flights {done} of {total}"
+            if done:
+                left = (time.monotonic() - started) * (total / done - 1.0)
+                share = f", {100.0 * (1.0 - broken / done):.1f} % break no rule" if self.request.load_factor else ""
+                text += f"{share}, {duration_text(left)} left"
+            self.show(text, done, total)
+
+        return latest.stages[-1].safety(flights=FLIGHTS, seed=number, watch=watch, **self.options)
 
     def _note(
         self, number: int, run: RunState, broken: Count, outside: Count, over_g: Count, case: SafetyCase | None

@@ -55,14 +55,15 @@ class CountView:
             of_task = (now - self._begun) * (total / done - 1.0)
             usual = (now - self._started + of_task) / (self._number + 1)  # of a task
             left = f", {duration_text(of_task + usual * (self._tasks - self._number - 1))} left"
-        self._show(f"{self._title}{': ' if self._title else ''}flights {done} of {total}{share}{left}")
+        self.show(f"{self._title}{': ' if self._title else ''}flights {done} of {total}{share}{left}")
 
     def close(self) -> None:
         """Remove the line that is renewed."""
         if self._renews:
             print("\r\x1b[2K", end="", file=self._stream, flush=True)
 
-    def _show(self, text: str) -> None:
+    def show(self, text: str) -> None:
+        """Show a text, in place of the one before on a terminal."""
         self._last_line = self._clock()
         begin, end = ("\r\x1b[2K", "") if self._renews else ("", "\n")
         print(f"{begin}{plain(text)}", end=end, file=self._stream, flush=True)
