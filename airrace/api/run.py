@@ -172,7 +172,7 @@ class Run(RunState):
             def show(text: str, done: int, total: int) -> None:
                 count.show(text)
 
-            return fly_reserve(self, request, fly_again, threads=threads, tell=count.begin, show=show)
+            return fly_reserve(self, request, fly_again, threads=threads, tell=count.remark, show=show)
 
     def safety_in_winds(
         self, winds: str, *, progress: bool = False, timeout: float | None = None, **options: Unpack[SafetyOptions]

@@ -181,7 +181,7 @@ def safety(
 
     def flown_alone(run: Run) -> SafetyCase:
         with counting(shown=progress) as count:
-            count.begin(f"{run.label}: {flights} flights")
+            count.begin(run.label)
             return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, until=until)
 
     run = next(iter(runs_by_name.values()))

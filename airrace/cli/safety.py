@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 def safety(command_result: PrintedResult, function: "partial[SafetyCase | SafetyRose | SafetyRuns]") -> None:
     from airrace.runs.command_result import ExitCode
     from airrace.runs.safety_case import SafetyCase
+    from airrace.runs.safety_rose import is_cut
 
     case = function(progress=not command_result.quiet)
     if isinstance(case, SafetyCase):
@@ -30,6 +31,9 @@ def safety(command_result: PrintedResult, function: "partial[SafetyCase | Safety
         tables, failures = [case.table()], list(case.messages)
     command_result.fields.update(case.as_object())
     command_result.add(*tables)
+    if is_cut(case):
+        seconds = function.keywords["timeout"]
+        command_result.fail(ExitCode.TIMEOUT, f"stopped after {seconds:g} s (--timeout); this was flown by then")
     if function.keywords["output"] is not None:
         command_result.add_files(function.keywords["output"])
     if any(failures):

@@ -144,6 +144,14 @@ def cases_by_name(every: SafetyCase | SafetyRose | SafetyRuns) -> dict[str, Safe
     return cases
 
 
+def is_cut(every: SafetyCase | SafetyRose | SafetyRuns) -> bool:
+    """Return whether the time was over before all was flown."""
+    return any(
+        case == NO_TIME if isinstance(case, str) else case.result.flights < case.result.asked
+        for case in cases_by_name(every).values()
+    )
+
+
 def own_case(run: RunState, case: SafetyCase | SafetyRose | str) -> SafetyCase | None:
     """Return the flights of a run in its own wind; None where they were not flown."""
     if isinstance(case, SafetyRose):

@@ -35,14 +35,18 @@ class CountView:
         self._last_line = -LINE_INTERVAL
 
     def begin(self, title: str, number: int = 0, tasks: int = 1) -> None:
-        """Begin a task, the `number`-th from 0 of so many that take as long."""
+        """Begin a task, the `number`-th from 0 of so many that take as long; one of several is announced."""
         self._title, self._number, self._tasks = title, number, tasks
-        self._begun = self._clock()
+        self._begun = self._last_line = self._clock()
         if number == 0:
             self._started = self._begun
-        self._last_line = self._begun
+        if tasks > 1:
+            self.remark(title)
+
+    def remark(self, text: str) -> None:
+        """Show a line that stays."""
         self.close()
-        print(plain(title), file=self._stream, flush=True)
+        print(plain(text), file=self._stream, flush=True)
 
     def watch(self, done: int, total: int, broken: int) -> None:
         """Show how many flights of the task are flown, and how many of these break a rule."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from safety_courses import inputs, loop, optimum
+from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 from scipy.special import ndtri
 
 import airrace
@@ -81,6 +81,29 @@ def test_what_cannot_be_had_is_reported_and_margins_leave_room_between_opposite_
     assert not found.reaches
     assert math.isclose(found.margins["a"], 0.2)
     assert found.risks.sum() > 0.3
+
+
+def test_a_kind_that_is_broken_more_often_than_predicted_gets_a_larger_margin() -> None:
+    load, other = replace(limit("load"), kind=LOAD), limit("other")
+    plain = allocate([load, other], {"load": 1.0, "other": 1.0}, 0.01)
+    weighted = allocate([load, other], {"load": 1.0, "other": 1.0}, 0.01, {LOAD: 5.0})
+    assert math.isclose(plain.margins["load"], plain.margins["other"])
+    assert weighted.margins["load"] > weighted.margins["other"]
+    assert weighted.risks.sum() <= 0.01
+    assert math.isclose(weighted.risks[0], 5.0 * float(load.risk(np.array(weighted.margins["load"]))))
+
+
+def test_a_passing_of_a_fixed_height_leaves_no_margin_beyond_it() -> None:
+    found = allocate([limit("a", cap=0.2), limit("b")], {}, 1e-4)
+    assert found.margins["a"] <= 0.2
+    assert not found.reaches
+    assert found.margins["b"] > 0.2
+    given = eight_inputs()
+    eight = closed_loop_of(given.race, eight_optimum(), PilotModel())
+    floors = [one for one in limits_of(given.race, eight_optimum(), eight, Scatter(), {}) if one.key == "rules.floor_m"]
+    assert floors
+    assert all(math.isclose(one.cap, 0.1) for one in floors)  # entry and exit at 80 m, the floor at 79.9 m
+    assert all(one.cap == math.inf for one in limits(Scatter()))
 
 
 def test_a_limit_that_does_not_bind_needs_no_margin_and_one_that_does_keeps_the_one_it_has() -> None:
