@@ -197,7 +197,7 @@ def _first_page(of: SimulatedRun, notes: CaseNotes, flight: Flight) -> Iterator[
     yield facts_part(
         [
             ("flight", line),
-            ("reserve", view.stamp.reserve_text or "none"),
+            ("reserve", _reserve_text(run, view)),
             ("margins", f"from {len(run.inputs.margins)} of its limits" if run.inputs.margins else ""),
             ("aircraft", ", ".join(aircraft)),
             ("air", view.stamp.air),
@@ -223,6 +223,24 @@ def _line_text(run: RunState) -> str:
     if has_reserve(run):
         return "the fastest line with a measured reserve"
     return "the fastest line with margins" if run.inputs.margins else "the fastest line that was found"
+
+
+def _reserve_text(run: RunState, view: StageView) -> str:
+    """Return the reserve of a line, and in which disturbances it was measured."""
+    reserve = run.inputs.reserve
+    if reserve is None:
+        return view.stamp.reserve_text or "none"
+    errors = {
+        f"wind {reserve.wind_error_kt:g} kt": reserve.wind_error_kt,
+        f"mass {reserve.mass_error_percent:g} %": reserve.mass_error_percent,
+        f"power {reserve.power_error_percent:g} %": reserve.power_error_percent,
+        f"density {reserve.density_error_percent:g} %": reserve.density_error_percent,
+        f"rolls {1000.0 * reserve.roll_timing_s:g} ms": reserve.roll_timing_s,
+    }
+    texts = [text for text, error in errors.items() if error]
+    disturbances = f"errors of {', '.join(texts)}" if texts else "nothing else"
+    loads = "" if reserve.load_factor else "; over-g is not in it"
+    return f"{view.stamp.reserve_text}; asked for in {reserve.gusts} gusts and {disturbances}{loads}"
 
 
 def _simulated_text(of: SimulatedRun) -> str:
@@ -254,11 +272,12 @@ def _signatures(of: SimulatedRun, notes: CaseNotes) -> Iterator[Part]:
     if not notes.sign_for:
         return
     if not has_reserve(of.run):
-        broken = of.own.result.broken
+        broken, reserve = of.own.result.broken, of.run.inputs.reserve
+        asked = "" if reserve is None else f" ({of.view.stamp.reserve_text})"
         yield known_part(
             "No reserve",
             [
-                f"This line has no measured reserve: it touches its limits, and {broken.flights} of {broken.of} "
+                f"This line has no measured reserve{asked}: it touches its limits, and {broken.flights} of {broken.of} "
                 "simulated flights break a rule. It shows where a reserve is needed, and is no flight to be flown"
             ],
         )

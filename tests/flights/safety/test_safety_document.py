@@ -137,6 +137,7 @@ def test_a_line_with_reserve_says_so() -> None:
     page = html.document_fromstring(safety_document(of, CaseNotes(sign_for=("Authority",))).html())
     assert "the fastest line with a measured reserve" in first_page(page)
     assert "No reserve" not in page.text_content()
+    assert "asked for in light gusts and nothing else" in first_page(page)
     assert "0.52 of 1,000 measured, 0.5 asked" in first_page(page)
     assert "from 1 of its limits" in first_page(page)
     assert "margins.rules.floor_m" in chapters(page)["Inputs"]
