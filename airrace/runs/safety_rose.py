@@ -220,7 +220,7 @@ def fly_rose(
 
     cases: dict[Wind, SafetyCase | str] = {}
     for number, wind in enumerate(rose):
-        if count is not None:
+        if count is not None and time.monotonic() <= until:
             count.begin(f"{run.label}: wind {number + 1} of {len(rose)}, {wind.text}", number, len(rose))
         cases[wind] = case_in(wind)
     return SafetyRose(run.name, cases)
