@@ -67,13 +67,13 @@ class Track:
         label: what people call it.
         time: s, rising, shape (n,).
         states: at these times.
-        legs: the numbers of the passages in which the legs end, likewise; 0 where that is not known.
+        legs: the numbers of the passages in which the legs end, likewise; None where they are not known.
     """
 
     label: str
     time: Array
     states: States
-    legs: NDArray[np.int64]
+    legs: NDArray[np.int64] | None = None
 
     @classmethod
     def from_flight(cls, flight: Flight, rate: float = RATE) -> "Track":
@@ -92,9 +92,8 @@ class Track:
             raise UsageError(f"{flight.label} has no footprint: its height or its velocity is known nowhere")
         passings = [crossing.time for crossing in flight.crossings]
         known = len(passings) > 1 and all(crossing.found for crossing in flight.crossings)
-        legs = np.searchsorted(passings[1:-1], time, side="right") + 1 if known else np.zeros(len(time), np.int64)
-        states = States(states.place[finite], states.velocity[finite])
-        return cls(flight.label, time[finite], states, legs[finite])
+        legs = np.searchsorted(passings[1:-1], time[finite], side="right") + 1 if known else None
+        return cls(flight.label, time[finite], States(states.place[finite], states.velocity[finite]), legs)
 
 
 @dataclass(frozen=True)
@@ -232,10 +231,13 @@ class Footprint:
     @cached_property
     def borders(self) -> tuple[BorderExposure, ...]:
         """How near impacts come to safety lines, on the legs on which they count, and to the border."""
-        course, legs = self.race.course, np.concatenate([track.legs for track in self.tracks])
+        course, unknown = self.race.course, -1
+        legs = np.concatenate(
+            [np.full(len(track.time), unknown) if track.legs is None else track.legs for track in self.tracks]
+        )
         exposures: list[BorderExposure] = []
         for line in course.safety_lines:
-            counts = (legs == 0) | np.isin(legs, course.passages_with_line(line))
+            counts = (legs == unknown) | np.isin(legs, course.passages_with_line(line))
             beside = np.minimum(beside_line(self.vacuum.place, line), beside_line(self.drag.place, line))
             if counts.any():
                 exposures.append(self._border_exposure(f"safety line {line.name}", np.where(counts, beside, np.inf)))
