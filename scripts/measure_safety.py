@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import airrace
+from airrace.flights.safety.monte_carlo import Count
 
 CALM: dict[str, Any] = {  # Any: of many types
     "gusts": "none",
@@ -31,27 +32,41 @@ CASES = {
     "moderate gusts": {"gusts": "moderate"},
     "all of it, light gusts": None,
 }
+OTHER_SEED = 4711
+"""Of flights by which no search has chosen."""
 KINDS = ("pylon", "ground", "missed", "lost", "clearance", "height", "bank", "flight clearance", "floor", "load factor")
+
+
+def interval_text(count: Count) -> str:
+    """Return a share with its interval."""
+    return f"{count.share:.3f} ({count.lower:.3f}-{count.upper:.3f})"
 
 
 def measure_reserves(run: airrace.Run, path: str, probabilities: list[float]) -> None:
     """Print the reserves of a run in light gusts, and store each beside it."""
     print(
-        f"\n| {run.name}, {run.race_time:.3f} s | predicted | measured | load factor | cost | margin of C_L | seconds |"
+        f"\n| {run.name}, {run.race_time:.3f} s | predicted | measured | 1,000 others | over-g of these | cost "
+        "| margin of n_z | margin of C_L | hindered by | seconds |"
     )
-    print("|---|---|---|---|---|---|---|", flush=True)
+    print("|---" * 10 + "|", flush=True)
     for probability in probabilities:
         begin = time.perf_counter()
         case = run.reserve(probability)
         case.run.save(path.replace(".h5", f"_{probability:g}.h5"))
-        measured, loads = case.measured, case.case.result.counts["load factor"]
+        margins = case.run.inputs.margins
+        request = case.request
+        options = request.model_dump(exclude={"probability", "load_factor", "found"})
+        others = case.run.stages[-1].safety(flights=1000, seed=OTHER_SEED, **options).result
         cells = [
             f"{probability:g}" + ("" if case.reached else " (not reached)"),
             f"{case.predicted:.3f}",
-            f"{measured.share:.3f} ({measured.lower:.3f}-{measured.upper:.3f})",
-            f"{100.0 * loads.share:.0f} %",
+            interval_text(case.measured),
+            interval_text(Count.with_interval(others.flights - others.broken.flights, others.flights)),
+            f"{others.counts['over-g'].flights}",
             f"{case.run.race_time - case.optimum:.3f}",
-            f"{case.run.inputs.margins.get('rules.C_L_max', 0.0):.2f}",
+            f"{margins.get('rules.n_z_max', 0.0):.2f}",
+            f"{margins.get('rules.C_L_max', 0.0):.2f}",
+            ", ".join(case.binding),
             f"{time.perf_counter() - begin:.0f}",
         ]
         print(f"| {' | '.join(cells)} |", flush=True)

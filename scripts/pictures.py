@@ -263,11 +263,25 @@ def print_case(runs: Path) -> None:
     """The first pages of the printed case of the harbour, side by side."""
     from PIL import Image
 
-    if not (runs / "harbour.h5").exists():
-        call(runs, "optimize", *FLIGHTS["harbour"], "--output", "harbour.h5", "--quiet")
     for page in runs.glob("case-*.png"):
         page.unlink()
-    call(runs, "safety", "harbour.h5", "--sign-for", "Race director", "--force", "--output", "case.pdf")
+    for name in ("edge540", "mxs_r"):
+        call(runs, "optimize", *FLIGHTS["harbour"], "--aircraft", name, "--output", f"{name}.h5", "--force", "--quiet")
+    stated = ("--for", "Civil Aviation Authority", "--valid", "2026-12-05", "--revision", "2")
+    signing = ("--sign-for", "Race director", "--sign-for", "Authority")
+    call(
+        runs,
+        "safety",
+        "edge540.h5",
+        "mxs_r.h5",
+        "--winds",
+        "0,5kt@2",
+        *stated,
+        *signing,
+        "--output",
+        "case.pdf",
+        "--force",
+    )
     subprocess.run(["pdftoppm", "-png", "-r", "72", "-l", "2", "case.pdf", "case"], cwd=runs, check=True)
     pages = [Image.open(path) for path in sorted(runs.glob("case-*.png"))]
     sheet = Image.new("RGB", (sum(page.width + 12 for page in pages) - 12, pages[0].height), "#888888")

@@ -1,5 +1,7 @@
 """A run as Python and notebooks have it: with the commands as methods."""
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
@@ -12,6 +14,7 @@ from airrace.errors import UsageError
 from airrace.files.checkpoint.atomic import replace_file
 from airrace.flights.results.comparison import Comparison
 from airrace.pages.report.film import card_of, ensure_card, film_of, film_settings
+from airrace.pages.views.count_view import counting
 from airrace.pages.views.drawing import ensure_drawable, save_figure
 from airrace.pages.views.progress_view import watching
 from airrace.pages.views.tables import units_named
@@ -120,7 +123,7 @@ class Run(RunState):
         self,
         probability: float,
         *,
-        load_factor: float | None = None,
+        load_factor: bool | None = None,
         gusts: str | None = None,
         wind_error_kt: float | None = None,
         mass_error_percent: float | None = None,
@@ -134,8 +137,8 @@ class Run(RunState):
         """Fly the race again with margins so large that flights in disturbances break no limit so probably.
 
         Args:
-            probability: that a race breaks no limit but perhaps that of the load factor.
-            load_factor: probability that a race keeps the load factor, too.
+            probability: that a race breaks no limit.
+            load_factor: whether a pull that counts by the penalties of the season breaks one.
             gusts: `none`, `light`, `moderate` or `severe`.
             wind_error_kt: standard deviation of the wind to the north and to the east.
             mass_error_percent, power_error_percent, density_error_percent: standard deviations of these.
@@ -163,15 +166,23 @@ class Run(RunState):
             roll_timing_s=roll_timing_s,
             delay_s=delay_s,
         )
-        fly_again = _flies_again(threads, progress=progress)
-        return fly_reserve(self, reserve_named(self, texts), fly_again, threads=threads)
+        request, fly_again = reserve_named(self, texts), _flies_again(threads, progress=progress)
+        with counting(shown=progress) as count:
 
-    def safety_in_winds(self, winds: str, *, progress: bool = False, **options: Unpack[SafetyOptions]) -> "SafetyRose":
+            def show(text: str, done: int, total: int) -> None:
+                count.show(text)
+
+            return fly_reserve(self, request, fly_again, threads=threads, tell=count.remark, show=show)
+
+    def safety_in_winds(
+        self, winds: str, *, progress: bool = False, timeout: float | None = None, **options: Unpack[SafetyOptions]
+    ) -> "SafetyRose":
         """Fly the course in each wind of a rose, started from this run, and each optimum many times; see `safety`.
 
         Args:
             winds: e.g. `0,5,10kt@8`: these speeds from eight directions.
-            progress: whether a view of the runs under way is shown on stderr.
+            progress: whether it is shown on stderr how far it is.
+            timeout: the longest wall time, s; what is finished by then is returned.
             options: of `StageView.safety`; `threads` solve the runs, too.
 
         Raises:
@@ -179,8 +190,14 @@ class Run(RunState):
         """
         from airrace.runs.safety_rose import fly_rose  # takes what flies
 
-        fly_again = _flies_again(options.get("threads"), progress=progress)
-        return fly_rose(self, winds, fly_again, options)
+        until = math.inf if timeout is None else time.monotonic() + timeout
+
+        def fly_again(run: RunState, values: Sequence[str]) -> Run:
+            left = None if timeout is None else max(until - time.monotonic(), 1e-3)
+            return optimize.resume(run, set=values, threads=options.get("threads"), timeout=left, progress=progress)
+
+        with counting(shown=progress) as count:
+            return fly_rose(self, winds, fly_again, {**options, "watch": count.watch}, count=count, until=until)
 
     def brief(self, stage: str | Stage | None = None, *, lateness: bool = False) -> Brief:
         """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""

@@ -1,6 +1,9 @@
 """Risks: how far real flights stray and what they touch, and what falls where."""
 
+import math
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict, Union
@@ -41,6 +44,7 @@ class SafetyOptions(TypedDict, total=False):
     seed: int
     threads: int | None
     replan_s: float | None
+    falls: bool
 
 
 def _percent(name: str, what: str) -> Option:
@@ -95,6 +99,12 @@ def safety(
     sign_for: Annotated[
         Sequence[str], Option("Leave a place in the document for this one to sign; as often as you like.", "NAME")
     ] = (),
+    prepared_for: Annotated[str, Option("Whom the document is for.", "NAME", flags=("--for",))] = "",
+    valid: Annotated[str, Option("When the document is valid, e.g. a date.", "WHEN")] = "",
+    revision: Annotated[str, Option("Which revision of the document it is.", "TEXT")] = "",
+    timeout: Annotated[
+        float | None, Option("Stop after this time, and tell of what is flown by then.", "SECONDS")
+    ] = None,
     force: options.Force = False,
     progress: bool = False,
 ) -> "SafetyCase | SafetyRose | SafetyRuns":
@@ -104,7 +114,7 @@ def safety(
     wind, mass, power and density. Deviations are listed for every gate and leg.
 
     Args:
-        progress: whether a view of what is solved first is shown on stderr.
+        progress: whether it is shown on stderr how far it is.
 
     Returns:
         The flights along one optimum, those in each wind of a rose, or those of several runs.
@@ -118,18 +128,24 @@ def safety(
     from airrace.api.run import Run
     from airrace.errors import UsageError
     from airrace.files.inputs.air import winds_named
+    from airrace.pages.views.count_view import counting
+    from airrace.runs.execute import ensure_time
     from airrace.runs.output import ensure_free
     from airrace.runs.run_state import RunState, open_run
     from airrace.runs.safety_case import SafetyCase
-    from airrace.runs.safety_files import DOCUMENTS, NUMBERS, ensure_safety_file, write_safety_file
-    from airrace.runs.safety_rose import SafetyRose, fly_runs
+    from airrace.runs.safety_document import CaseNotes, SimulatedRun
+    from airrace.runs.safety_files import DOCUMENTS, ensure_safety_file, lets_fall, write_safety_file
+    from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs, own_case
 
     path = None if output is None else Path(output)
     if path is not None:
         ensure_safety_file(path, flights, len(runs) * len(aircraft or [None]))
         ensure_free(path, force=force, sources=[*runs, *aircraft])
-    if sign_for and (path is None or path.suffix.lower() not in DOCUMENTS):
+    notes = CaseNotes(prepared_for, valid, revision, sign_for)
+    if notes != CaseNotes() and (path is None or path.suffix.lower() not in (*DOCUMENTS, ".json")):
         raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
+    ensure_time(timeout)
+    until = math.inf if timeout is None else time.monotonic() + timeout
     if winds is not None:
         if stage is not None:
             raise UsageError("--winds and --stage exclude each other: in every wind the last stage is simulated")
@@ -148,6 +164,7 @@ def safety(
         "seed": seed,
         "threads": threads,
         "replan_s": replan_s,
+        "falls": lets_fall(path),
     }
     runs_by_name: dict[str, Run] = {}
     tracks: list[Path] = []
@@ -161,23 +178,27 @@ def safety(
     if aircraft and not tracks:
         raise UsageError("--aircraft is of a TRACK that is solved first: none is named")
     for track, aircraft_ in product(tracks, aircraft or [None]):
-        run = optimize(track, aircraft=aircraft_, threads=threads, progress=progress)
+        left = None if timeout is None else max(until - time.monotonic(), 1e-3)
+        run = optimize(track, aircraft=aircraft_, threads=threads, timeout=left, progress=progress)
         runs_by_name[f"{track} {run.race.aircraft.name}"] = run
 
     def case_of(run: Run) -> SafetyCase | SafetyRose:
         if winds is not None:
-            return run.safety_in_winds(winds, progress=progress, **loop)
-        return run.stage(stage).safety(**loop, label=run.label)
+            left = None if timeout is None else max(until - time.monotonic(), 1e-3)
+            return run.safety_in_winds(winds, progress=progress, timeout=left, **loop)
+        return flown_alone(run)
+
+    def flown_alone(run: Run) -> SafetyCase:
+        with counting(shown=progress) as count:
+            count.begin(run.label)
+            return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, until=until)
 
     run = next(iter(runs_by_name.values()))
     case = case_of(run) if len(runs_by_name) == 1 else fly_runs(runs_by_name, case_of)
     if path is not None:
-        last_view = None
-        if path.suffix.lower() not in NUMBERS:
-            view = run.stage(stage)
-            own = case if isinstance(case, SafetyCase) else view.safety(**loop, label=run.label)
-            last_view = run, view, own
-        write_safety_file(path, case, last_view, sign_for)
+        of_run = next(iter(case.cases.values())) if isinstance(case, SafetyRuns) else case
+        own = own_case(run, of_run) or flown_alone(run)
+        write_safety_file(path, SimulatedRun(run, run.stage(stage), replace(own, label=run.label), case), notes)
     return case
 
 

@@ -189,9 +189,14 @@ class Execution:
             self.run = self.run.with_attempt(attempt, flight)
             _store(self.run)
 
-        run = self.run
+        def show(text: str, done: int, total: int) -> None:
+            if until is not None and time.monotonic() > until:
+                raise OutOfTime("the time was over before the reserve was found")
+            progress.activity(text, done, total)
+
+        run, tell = self.run, progress.remark
         assert run.inputs.reserve is not None
-        case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=progress.remark)
+        case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=tell, show=show)
         self.run = replace(case.run, path=run.path)
         _store(self.run)
         self.reserve = replace(case, run=self.run)

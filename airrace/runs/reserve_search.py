@@ -2,11 +2,14 @@
 
 Margins follow from the linear covariance of the closed loop along the flight, which the margins change; so the race is
 solved again with them until they converge. Closed-loop flights measure their effect. Where that is too little or far
-too much, the allocated risk is scaled by the ratio of allowed to observed breaches.
+too much, the allocated risk is scaled by the ratio of allowed to observed breaches. The covariance knows the load
+factor of one instant, where a pull has many of them and a rule may ask for some time of it; so its risk has a weight,
+the ratio of observed to predicted pulls that count beside that of all other breaches.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,10 +17,11 @@ from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.files.checkpoint import ReserveAttempt
 from airrace.files.inputs.objects import is_of_objects
 from airrace.files.inputs.rules import FoundEntry, ReserveEntry
-from airrace.flights.safety.monte_carlo import LOAD, Count, closed_loop_of
+from airrace.flights.safety.monte_carlo import LOAD, OVER_G, Count, SafetyResult, closed_loop_of
 from airrace.flights.safety.pilot import PilotModel
-from airrace.flights.safety.reserve import STALL, Allocation, Limit, allocate, lift_margin, limits_of
+from airrace.flights.safety.reserve import STALL, Limit, allocate, lift_margin, limits_of
 from airrace.flights.sensitivity.lagrangian import sensitivities
+from airrace.pages.views.count_view import duration_text
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
@@ -30,6 +34,8 @@ FlyAgain = Callable[[RunState, Sequence[str]], RunState]
 """Flies a run again with some values set, as `key=value`."""
 Keep = Callable[[ReserveAttempt, RunState | None], None]
 """Stores a finished attempt with its run, None where no flight has such margins."""
+Show = Callable[[str, int, int], None]
+"""Shows a line, and how much of how much is done."""
 
 ALLOCATION_ITERATIONS_MAX = 3
 """Maximum number of margin allocations for one risk."""
@@ -46,7 +52,7 @@ NONLINEARITY_FACTOR = 2.0
 LIFT_STEP = 0.5
 """Share of the full margin of the lift coefficient that is added then."""
 RISK_CHANGE_MAX = 8.0
-"""Largest factor of one change of the risk."""
+"""Largest factor of one change of the risk, and of the weight of the load factor."""
 FLIGHTS = 1000
 """Closed-loop flights."""
 REQUEST = ("probability", "load_factor", "found")
@@ -90,7 +96,7 @@ class ReserveCase:
         request: what was asked for.
         optimum: race time without margins, s.
         margins: of the flight, the costliest first.
-        predicted: probability of no breach but of the load factor, at least, by the linear covariance.
+        predicted: probability of no breach, at least, by the linear covariance.
         case: closed-loop flights along it.
         reached: whether that is what was asked for.
         binding: the limits that hinder more, where it is not.
@@ -116,9 +122,9 @@ class ReserveCase:
 
     @property
     def measured(self) -> Count:
-        """The flights that break nothing but perhaps the load factor."""
-        outside = self.case.result.outside
-        return Count.with_interval(outside.of - outside.flights, outside.of)
+        """The flights that break nothing that is judged."""
+        broken = judged(self.request, self.case.result)
+        return Count.with_interval(broken.of - broken.flights, broken.of)
 
     @property
     def message(self) -> str:
@@ -133,12 +139,14 @@ class ReserveCase:
 
     def table(self) -> Table:
         """Return the margins with their costs."""
-        measured, time, loads = self.measured, self.run.race_time, self.case.result.counts[LOAD]
+        measured, time, result = self.measured, self.run.race_time, self.case.result
+        nothing = "nothing" if self.request.load_factor else "nothing but perhaps the load factor"
         rows = [[margin.key, margin.margin, margin.unit, margin.cost, 100.0 * margin.risk] for margin in self.margins]
         notes = [
-            f"of {measured.of} closed-loop flights {measured.flights} break nothing but perhaps the load factor: "
+            f"of {measured.of} closed-loop flights {measured.flights} break {nothing}: "
             f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.request.probability:g}, "
-            f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
+            f"predicted at least {self.predicted:.3f}",
+            f"over-g: {result.load_rule.text}; in {result.counts[OVER_G].flights} flights, {result.pulls} pulls in all",
             f"cost: by the sensitivities at both ends; {sum(margin.cost for margin in self.margins):.3f} s in all",
         ]
         title = f"reserve {self.request.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
@@ -148,6 +156,7 @@ class ReserveCase:
         """Return plain values for scripts."""
         return {
             "probability": self.request.probability,
+            "load_factor": self.request.load_factor,
             "reached": self.reached,
             "predicted": self.predicted,
             "measured": self.measured.share,
@@ -190,6 +199,7 @@ def fly_reserve(
     threads: int | None = None,
     keep: Keep = lambda attempt, flown: None,
     tell: Callable[[str], None] = lambda text: None,
+    show: Show = lambda text, done, total: None,
 ) -> ReserveCase:
     """Fly a race again with the smallest margins that keep a reserve.
 
@@ -202,6 +212,7 @@ def fly_reserve(
         threads: None for one per processor.
         keep: keeps every attempt that is finished.
         tell: receives a line about every attempt.
+        show: receives how far the flights of an attempt are, again and again; an error that it raises ends the search.
 
     Raises:
         UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
@@ -212,7 +223,7 @@ def fly_reserve(
         raise UsageError(f"a reserve takes a certified optimum of six-dof: {run.message or 'resume goes on to it'}")
     if run.inputs.margins:
         run = fly_again(run, UNSEARCHED)
-    return _Search(run, request, fly_again, threads, keep, tell).run()
+    return _Search(run, request, fly_again, threads, keep, tell, show).run()
 
 
 UNSEARCHED = ("rules.reserve=null", "margins=null")
@@ -226,15 +237,17 @@ class _Measured:
     Attributes:
         number: of the attempt, from 0, by which its disturbances are drawn.
         run: the flight with its margins.
-        outside, over_load: the flights that break a limit other than the load factor, and that exceed the load factor.
-        reached: whether these are as few as was asked for.
+        broken: the flights that break what is judged.
+        outside, over_g: those that break a limit other than the load factor, and those with a pull that counts.
+        reached: whether `broken` are as few as was asked for.
         case: the flights; None where they were flown before this search went on.
     """
 
     number: int
     run: RunState
+    broken: Count
     outside: Count
-    over_load: Count
+    over_g: Count
     reached: bool
     case: SafetyCase | None
 
@@ -250,17 +263,18 @@ class _Search:
         threads: int | None,
         keep: Keep,
         tell: Callable[[str], None],
+        show: Show,
     ) -> None:
         self.optimum, self.request, self.fly_again, self.keep, self.tell = run, request, fly_again, keep, tell
+        self.show = show
         self.asked = asked_text(request)
         self.options: dict[str, Any] = {**request.model_dump(exclude=set(REQUEST)), "threads": threads}
         errors = (request.mass_error_percent, request.power_error_percent, request.density_error_percent)
         self.scatter = scatter_of(request.gusts, (request.wind_error_kt, *errors, request.roll_timing_s))
         self.pilot = PilotModel(delay=request.delay_s)
         self.prices = _prices(run)
-        self.risks = {"": 1.0 - request.probability}  # of all but the load factor, and of that
-        if request.load_factor:
-            self.risks[LOAD] = 1.0 - request.load_factor
+        self.allowed = 1.0 - request.probability
+        self.risk, self.load_weight = self.allowed, 1.0
         self.lift = 0.0  # the share of the full margin of the lift coefficient
         self.found: list[_Measured] = []
 
@@ -277,7 +291,7 @@ class _Search:
         if sufficient:
             best = min(sufficient, key=lambda flight: flight.run.race_time)
         else:
-            best = max(self.found, key=lambda flight: flight.outside.of - flight.outside.flights)
+            best = min(self.found, key=lambda flight: flight.broken.flights)
         return self._case_of(best).stored()
 
     def _take_up(self) -> tuple[bool, int]:
@@ -286,11 +300,10 @@ class _Search:
         for number, stored_attempt in enumerate(attempts):
             attempt, flight = stored_attempt.attempt, self.optimum.attempt_run(stored_attempt)
             if flight is not None:
-                outside = Count.with_interval(attempt.outside, attempt.flights)
-                over_load = Count.with_interval(attempt.over_load, attempt.flights)
-                self._note(number, flight, outside, over_load, None)
-            self.risks = dict(zip(self.risks, (attempt.risk, attempt.load_risk), strict=False))
-            self.lift = attempt.lift
+                flights = (attempt.broken, attempt.outside, attempt.over_g)
+                broken, outside, over_g = (Count.with_interval(count, attempt.flights) for count in flights)
+                self._note(number, flight, broken, outside, over_g, None)
+            self.risk, self.load_weight, self.lift = attempt.risk, attempt.load_weight, attempt.lift
             self.tell(f"{self._name(number)}: kept, not made again")
         return bool(attempts) and attempts[-1].attempt.done, len(attempts)
 
@@ -298,7 +311,7 @@ class _Search:
         """Make an attempt and store it; return whether it is the last."""
         enough, latest_run, limits = self._with_margins(self.found[-1].run if self.found else self.optimum)
         if latest_run is None:  # no flight with such margins
-            self.risks = {kind: min(risk * RISK_CHANGE_MAX, 0.5) for kind, risk in self.risks.items()}
+            self.risk = min(self.risk * RISK_CHANGE_MAX, 0.5)
             self.lift = max(self.lift - LIFT_STEP, 0.0)
             self.keep(self._record(None, done=False), None)
             self.tell(f"{self._name(number)}: no flight with such margins")
@@ -308,20 +321,19 @@ class _Search:
         latest = self._measure(latest_run, number)
         done = self._is_done(latest, limits, enough=enough)
         self.keep(self._record(latest, done=done), latest_run)
-        within = latest.outside.of - latest.outside.flights
-        self.tell(
-            f"{self._name(number)}: {latest_run.race_time:.3f} s, {within} of {latest.outside.of} flights keep it"
-        )
+        within = latest.broken.of - latest.broken.flights
+        self.tell(f"{self._name(number)}: {latest_run.race_time:.3f} s, {within} of {latest.broken.of} flights keep it")
         return done
 
     def _name(self, number: int) -> str:
         return f"reserve {self.request.probability:g}, attempt {number + 1} of {ATTEMPTS_MAX}"
 
     def _record(self, closed_loop: _Measured | None, *, done: bool) -> ReserveAttempt:
-        counts = (0, 0, 0)
+        counts = (0, 0, 0, 0)
         if closed_loop is not None:
-            counts = closed_loop.outside.of, closed_loop.outside.flights, closed_loop.over_load.flights
-        return ReserveAttempt(self.asked, *counts, self.risks[""], self.risks.get(LOAD, 0.0), self.lift, done)
+            broken = closed_loop.broken
+            counts = broken.of, broken.flights, closed_loop.outside.flights, closed_loop.over_g.flights
+        return ReserveAttempt(self.asked, *counts, self.risk, self.load_weight, self.lift, done)
 
     def _with_margins(self, latest: RunState) -> tuple[bool, RunState | None, list[Limit]]:
         """Fly with the margins that the risks need, until they stay.
@@ -331,13 +343,11 @@ class _Search:
         """
         enough, limits = True, self._limits(latest)
         for _ in range(ALLOCATION_ITERATIONS_MAX):
-            allocations = self._allocate(limits, _prices(latest))
-            margins: dict[str, float] = {}
-            for allocation in allocations:
-                margins |= allocation.margins
+            weights = {LOAD: self.load_weight}
+            allocation = allocate(self._judged_limits(limits), _prices(latest), self.risk, weights)
+            margins, enough = dict(allocation.margins), allocation.reaches
             lift = lift_margin(limits, self.pilot, self.lift)
             margins |= {"rules.C_L_max": lift} if lift else {}
-            enough = all(allocation.reaches for allocation in allocations)
             values = [f"margins.{key}={value:.4g}" for key, value in sorted(margins.items())]
             if not values and not latest.inputs.margins:
                 break
@@ -357,22 +367,33 @@ class _Search:
         race, result = latest.inputs.race.by_rules, latest.stages[-1].result
         return limits_of(race, result, closed_loop_of(race, result, self.pilot), self.scatter, latest.inputs.margins)
 
-    def _allocate(self, limits: Sequence[Limit], prices: Mapping[str, float]) -> list[Allocation]:
-        loads = [limit for limit in limits if limit.kind == LOAD]
-        rest = [limit for limit in limits if limit.kind not in (LOAD, STALL)]
-        return [allocate(loads if kind == LOAD else rest, prices, risk) for kind, risk in self.risks.items()]
+    def _judged_limits(self, limits: Sequence[Limit]) -> list[Limit]:
+        excluded = {STALL} if self.request.load_factor else {STALL, LOAD}
+        return [limit for limit in limits if limit.kind not in excluded]
 
     def _measure(self, latest: RunState, number: int) -> _Measured:
         """Fly an optimum in closed loop, every attempt in disturbances of its own, and note the outcome."""
         case = self._fly(latest, number)
-        return self._note(number, latest, case.result.outside, case.result.counts[LOAD], case)
+        result = case.result
+        return self._note(number, latest, judged(self.request, result), result.outside, result.counts[OVER_G], case)
 
     def _fly(self, latest: RunState, number: int) -> SafetyCase:
-        return latest.stages[-1].safety(flights=FLIGHTS, seed=number, **self.options)
+        started = time.monotonic()
 
-    def _note(self, number: int, run: RunState, outside: Count, over_load: Count, case: SafetyCase | None) -> _Measured:
-        reached = all(_is_rare(count, risk) for count, risk in self._counts(outside, over_load))
-        self.found.append(_Measured(number, run, outside, over_load, reached, case))
+        def watch(done: int, total: int, broken: int) -> None:
+            text = f"{self._name(number)}: flights {done} of {total}"
+            if done:
+                left = (time.monotonic() - started) * (total / done - 1.0)
+                share = f", {100.0 * (1.0 - broken / done):.1f} % break no rule" if self.request.load_factor else ""
+                text += f"{share}, {duration_text(left)} left"
+            self.show(text, done, total)
+
+        return latest.stages[-1].safety(flights=FLIGHTS, seed=number, watch=watch, **self.options)
+
+    def _note(
+        self, number: int, run: RunState, broken: Count, outside: Count, over_g: Count, case: SafetyCase | None
+    ) -> _Measured:
+        self.found.append(_Measured(number, run, broken, outside, over_g, _is_rare(broken, self.allowed), case))
         return self.found[-1]
 
     def _case_of(self, best: _Measured) -> ReserveCase:
@@ -382,10 +403,11 @@ class _Search:
             CheckpointError: the flights of a stored attempt break more or fewer limits than it says.
         """
         case = best.case or self._fly(best.run, best.number)
-        if (case.result.outside, case.result.counts[LOAD]) != (best.outside, best.over_load):
+        broken = judged(self.request, case.result)
+        if (broken, case.result.outside, case.result.counts[OVER_G]) != (best.broken, best.outside, best.over_g):
             raise CheckpointError(
-                f"{self._name(best.number)} is not what was stored: {case.result.outside.flights} flights break a "
-                f"limit where it says {best.outside.flights}; `airrace resume --from six-dof` makes all attempts again"
+                f"{self._name(best.number)} is not what was stored: {broken.flights} flights break a "
+                f"limit where it says {best.broken.flights}; `airrace resume --from six-dof` makes all attempts again"
             )
         limits, after = self._limits(best.run), _prices(best.run)
         units = {limit.key: limit.unit for limit in course_limits(best.run.inputs.race)}
@@ -413,14 +435,12 @@ class _Search:
         )
 
     def _risks_of(self, limits: Sequence[Limit]) -> list[tuple[float, Limit]]:
-        """Return the risks that remain of the limits that are judged."""
-        excluded = {STALL} if LOAD in self.risks else {STALL, LOAD}
-        return [(float(limit.risk_now), limit) for limit in limits if limit.kind not in excluded]
-
-    def _counts(self, outside: Count, over_load: Count) -> Iterator[tuple[Count, float]]:
-        yield outside, 1.0 - self.request.probability
-        if self.request.load_factor:
-            yield over_load, 1.0 - self.request.load_factor
+        """Return the risks that remain of the limits that are judged, that of the load factor by its weight."""
+        weights = {LOAD: self.load_weight}
+        return [
+            (min(weights.get(limit.kind, 1.0) * float(limit.risk_now), 1.0), limit)
+            for limit in self._judged_limits(limits)
+        ]
 
     def _is_done(self, latest: _Measured, limits: Sequence[Limit], *, enough: bool) -> bool:
         """Return whether as many flights break limits as intended; else keep off the stall, or scale the risks.
@@ -432,25 +452,40 @@ class _Search:
         """
         if latest.reached and not any(latest.run.inputs.margins.values()):
             return True
-        nonlinear = latest.outside.lower > NONLINEARITY_FACTOR * (1.0 - _predicted(self._risks_of(limits)))
+        pairs = self._risks_of(limits)
+        predicted = sum(risk for risk, limit in pairs if limit.kind != LOAD)
+        nonlinear = latest.outside.lower > NONLINEARITY_FACTOR * min(predicted, 1.0)
         if not latest.reached and nonlinear and lift_margin(limits, self.pilot, self.lift + LIFT_STEP):
             self.lift += LIFT_STEP
             return False
-        done = True
-        counts = self._counts(latest.outside, latest.over_load)
-        for kind, (count, risk) in zip(self.risks, counts, strict=True):
-            flights_max = _allowance(count, risk)
-            if _is_rare(count, risk) and count.flights >= EXCESS_MARGIN_SHARE * flights_max:
-                continue
-            done = not enough  # margins cannot be enlarged any further
-            factor = TARGET_SHARE * max(flights_max, 0.5) / max(count.flights, 0.5)
-            self.risks[kind] *= min(max(factor, 1.0 / RISK_CHANGE_MAX), RISK_CHANGE_MAX)
-        return done
+        broken, flights_max = latest.broken, _allowance(latest.broken, self.allowed)
+        if latest.reached and broken.flights >= EXCESS_MARGIN_SHARE * flights_max:
+            return True
+        self._weigh_loads(latest, pairs)
+        factor = TARGET_SHARE * max(flights_max, 0.5) / max(broken.flights, 0.5)
+        self.risk *= min(max(factor, 1.0 / RISK_CHANGE_MAX), RISK_CHANGE_MAX)
+        return not enough  # margins cannot be enlarged any further
+
+    def _weigh_loads(self, latest: _Measured, pairs: Sequence[tuple[float, Limit]]) -> None:
+        """Correct the weight of the load factor by what was observed beside what was predicted, each with half a
+        flight more, so that none of few is no certainty."""
+        if not self.request.load_factor:
+            return
+        of = latest.broken.of
+        loads = sum(risk for risk, limit in pairs if limit.kind == LOAD)
+        rest = sum(risk for risk, limit in pairs if limit.kind != LOAD)
+        ratio = (latest.over_g.flights + 0.5) / (loads * of + 0.5) * (rest * of + 0.5) / (latest.outside.flights + 0.5)
+        self.load_weight *= min(max(ratio, 1.0 / RISK_CHANGE_MAX), RISK_CHANGE_MAX)
+
+
+def judged(request: ReserveEntry, result: SafetyResult) -> Count:
+    """Return the flights that break what a reserve is to keep."""
+    return result.broken if request.load_factor else result.outside
 
 
 def _predicted(pairs: Sequence[tuple[float, Limit]]) -> float:
-    """Return the probability of no breach but of the load factor, at least, by the linear covariance."""
-    return max(1.0 - sum(risk for risk, limit in pairs if limit.kind != LOAD), 0.0)
+    """Return the probability of no breach, at least, by the linear covariance."""
+    return max(1.0 - sum(risk for risk, _ in pairs), 0.0)
 
 
 def _limit_texts(pairs: Sequence[tuple[float, Limit]]) -> list[str]:

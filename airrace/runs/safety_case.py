@@ -10,19 +10,25 @@ import numpy as np
 from scipy.special import stdtrit
 
 from airrace.errors import UsageError
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
     CONFIDENCE,
     CONTACT,
     LOAD,
+    OVER_G,
     QUANTITIES,
     SHARES,
     Count,
+    Nearness,
     SafetyResult,
     Stretch,
+    Watch,
     fewest,
     fly_closed_loop,
+    unwatched,
 )
+from airrace.flights.safety.over_g import LOAD_ALLOWED
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.replanning import Replanning
 from airrace.optimal_control.quantities import KNOT
@@ -64,8 +70,18 @@ _WORDS = {
     "crowd": "too near to the crowd",
     "safety line": "across a safety line",
     "airspace": "out of the airspace",
-    LOAD: "load factor beyond its limit",
+    OVER_G: "over-g that counts by the rules",
+    LOAD: "load factor beyond its limit, however short",
 }
+_BREACHES = {
+    "clearance": "near",
+    "height": "too high or low",
+    "bank": "wrong bank",
+    "course": "askew",
+    "climb": "too steep",
+    "speed": "too fast",
+}
+"""The kinds of breaches at gates as heads of columns, no two of which are alike."""
 COUNTS = (
     Column("flights that", key="what"),
     Column("flights", form="d", key="flights"),
@@ -103,6 +119,34 @@ class ReplannedFlights:
     result: SafetyResult
 
 
+DISTANCES = (
+    Column("from", key="thing", wraps=True),
+    Column("asked", "m", ".1f", key="required_m"),
+    Column("least", "m", "z.1f", key="least_m"),
+    Column("99.7 % keep", "m", "z.1f", key="kept_m"),
+    Column("too near", form="d", key="too_near"),
+    Column("share", "%", ".1f", key="too_near_percent"),
+    Column("at most", "%", ".1f", key="too_near_upper_percent"),
+)
+IMPACTS = (
+    Column("impacts and", key="thing", wraps=True),
+    Column("nearest", "m", "z.1f", key="least_m"),
+    Column("99.7 % keep", "m", "z.1f", key="kept_m"),
+    Column("hit or beyond", form="d", key="too_near"),
+    Column("share", "%", ".1f", key="too_near_percent"),
+    Column("at most", "%", ".1f", key="too_near_upper_percent"),
+)
+_FROM_WHERE = (
+    "people, lines and border: from the aircraft's centre; obstacles: from the wing; ground: from the lower wing tip; "
+    "too near: flights nearer than asked by more than 0.1 m; at most: upper end of the interval of confidence 95 %"
+)
+_WHERE_IT_FALLS = (
+    "impacts lie between a fall in vacuum and one with drag, half the span to either side; nearest: 0 on people, "
+    "negative beyond a line or the border; hit or beyond: flights in which a fall at any instant would hit people or "
+    "end beyond the line"
+)
+
+
 @dataclass(frozen=True, repr=False)
 class SafetyCase:
     """Closed-loop flights along a stage's optimum, in tables.
@@ -126,25 +170,31 @@ class SafetyCase:
     @property
     def remarks(self) -> list[str]:
         """Sentences that belong to the numbers."""
-        remarks = [remark for remark in (self.uncertified, self.result.note) if remark]
+        flights, asked = self.result.flights, self.result.asked
+        cut = f"the time was over after {flights} of {asked} flights" if flights < asked else ""
+        remarks = [remark for remark in (self.uncertified, self.result.note, cut) if remark]
         if self.no_crowd:
             remarks.append("the course names no crowd: distances from people were not looked at")
         return remarks
 
     def tables(self) -> list[Table]:
-        """Return all tables: counts, gates and legs; of replanned lines as well, and both compared."""
-        tables = [self.counts_table(), self.gates_table(), self.legs_table()]
+        """Return all tables: counts, distances, gates and legs; of replanned lines as well, and both compared."""
+        scatter = [self.gates_table().without_empty_columns(), self.legs_table().without_empty_columns()]
+        tables = [self.counts_table(), self.distances_table(), *scatter]
         if self.replanned is None:
             return tables
         case = replace(self, label=f"{self.label}, {self._replanned_words}", result=self.replanned.result)
-        return [*tables, case.counts_table(), case.gates_table(), self.lines_table()]
+        gates = case.gates_table().without_empty_columns()
+        return [*tables, case.counts_table(), case.distances_table(), gates, self.lines_table()]
 
     def lines_table(self) -> Table:
         """Return the optimum as the line, and below it the replanned one, with what came of their flights."""
         rows, notes = [["the optimum", *_line_values(self.result)]], list[str]()
         if self.replanned is not None:
             rows.append([self._replanned_words, *_line_values(self.replanned.result)])
-            mean, interval = _mean(self.replanned.result.race_times - self.result.race_times)
+            replanned, optimum = self.replanned.result.race_times, self.result.race_times
+            both = min(len(replanned), len(optimum))  # a time limit may have ended the flights of one earlier
+            mean, interval = _mean(replanned[:both] - optimum[:both])
             notes.append(f"replanning changes the time of the same flight by {mean:+.3f} s +/- {interval:.3f} s")
         notes.append(
             "contact: touch, miss or lose; rules: break any but the load factor; n_z: exceed that; lateral, height: "
@@ -162,11 +212,11 @@ class SafetyCase:
         title = f"{self.label}: {result.flights} closed-loop flights, {scatter.gusts.value} gusts"
         if scatter.gusts.value == "none":
             title = f"{self.label}: {result.flights} closed-loop flights without gusts"
-        always = (*CONTACT, "floor", LOAD, *(() if self.no_crowd else ("crowd",)))
+        always = (*CONTACT, "floor", OVER_G, LOAD, *(() if self.no_crowd else ("crowd",)))
         kinds = [kind for kind in _WORDS if result.counts[kind].flights or kind in always]
         rows = [
             count_row("touch a pylon or the ground, miss a gate or lose the line", result.contact),
-            count_row("break any rule but the load factor", result.outside),
+            count_row("break any rule", result.broken),
             *(count_row(f"  {_WORDS[kind]}", result.counts[kind]) for kind in kinds),
         ]
         shares = (("mass", scatter.mass), ("power", scatter.power), ("density", scatter.density))
@@ -176,7 +226,18 @@ class SafetyCase:
             f"{1000.0 * scatter.timing:.3g} ms; delay of the pilot {result.pilot.delay:g} s; seed {result.seed}; "
             "from, to: interval of confidence 95 %"
         )
-        return Table(title, COUNTS, rows, [note, *self.remarks])
+        over_g = f"over-g: {result.load_rule.text}; {result.pulls} pulls in all; {LOAD_ALLOWED:g} g are not counted"
+        return Table(title, COUNTS, rows, [note, over_g, *self.remarks])
+
+    def distances_table(self) -> Table:
+        """Return how near the flights come to people, lines, border, obstacles and the ground."""
+        title = "least distances of all flights, and what 99.7 % of them keep"
+        return Table(title, DISTANCES, [_nearness_row(nearness) for nearness in self.result.distances], [_FROM_WHERE])
+
+    def impacts_table(self) -> Table:
+        """Return how near falls of the flights come to people, lines and border; no row where none were let fall."""
+        rows = [[name, *numbers] for name, _, *numbers in map(_nearness_row, self.result.impacts)]
+        return Table("impacts of falls from every instant of all flights", IMPACTS, rows, [_WHERE_IT_FALLS])
 
     def gates_table(self) -> Table:
         """Return the scatter at every gate."""
@@ -199,6 +260,7 @@ class SafetyCase:
             "stage": self.stage,
             "race_time_s": result.race_time,
             "flights": result.flights,
+            "flights_asked": result.asked,
             "seed": result.seed,
             "gusts": scatter.gusts.value,
             "wind_error_kt": scatter.wind / KNOT,
@@ -209,11 +271,15 @@ class SafetyCase:
             "pilot_delay_s": result.pilot.delay,
             "contact": _count_object(result.contact),
             "outside": _count_object(result.outside),
+            "broken": _count_object(result.broken),
+            "over_g": {"rule": result.load_rule.text, "pulls": result.pulls},
             "counts": {kind: _count_object(count) for kind, count in result.counts.items()},
             "pylons": [
                 {"pylon": name, **_count_object(count), "least_distance_m": least}
                 for name, (count, least) in result.pylons.items()
             ],
+            "distances": self.distances_table().objects(),
+            "impacts": self.impacts_table().objects(),
             "gates": self.gates_table().objects(),
             "legs": self.legs_table().objects(),
             "remarks": self.remarks,
@@ -252,6 +318,10 @@ def fly_safety_case(
     seed: int,
     threads: int | None,
     replan: tuple[float, Settings] | None = None,
+    penalties: Penalties = NONE_KNOWN,
+    falls: bool = False,
+    watch: Watch = unwatched,
+    until: float = math.inf,
 ) -> SafetyCase:
     """Fly a stage's optimum many times.
 
@@ -264,6 +334,7 @@ def fly_safety_case(
         delay: of the pilot, s.
         replan: the time between two lines, s, and the settings by which the race is solved, to fly the same flights
             with the line replanned as well; None to leave that.
+        penalties, falls, watch, until: likewise.
 
     Raises:
         UsageError: an argument is out of range, or the stage is none that could be simulated.
@@ -287,6 +358,10 @@ def fly_safety_case(
             seed=seed,
             threads=threads,
             replanning=replanning,
+            penalties=penalties,
+            falls=falls,
+            watch=watch,
+            until=until,
         )
 
     closed_loop, replanned = fly(), None
@@ -360,6 +435,13 @@ def count_row(what: str, count: Count) -> list[Value]:
     return [what, count.flights, 100.0 * count.share, 100.0 * count.lower, 100.0 * count.upper]
 
 
+def _nearness_row(nearness: Nearness) -> list[Value]:
+    """Return a row below `DISTANCES`."""
+    thing, nearer = nearness.thing, nearness.nearer
+    shares = (100.0 * nearer.share, 100.0 * nearer.upper)
+    return [thing.text, thing.required, nearness.least, nearness.kept, nearer.flights, *shares]
+
+
 def _count_object(count: Count) -> dict[str, float]:
     return {"flights": count.flights, "share": count.share, "lower": count.lower, "upper": count.upper}
 
@@ -370,16 +452,15 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
     for name in quantities:
         unit, _ = _UNITS[name]
         form = ".1f" if unit == "deg" else ".2f"
-        heads = (name.replace("load_factor", "n_z"), *(f"{100 * share:g}" for share in SHARES[1:]))
-        columns += [
-            Column(head, unit, form, f"{name}_{100 * share:g}_{unit}".replace(".", ""))
-            for head, share in zip(heads, SHARES, strict=True)
-        ]
+        head = name.replace("load_factor", "n_z")
+        for rank, share in enumerate(SHARES):
+            key = f"{name}_{100 * share:g}_{unit}".replace(".", "")
+            columns.append(Column(f"{head} {100 * share:g}" if rank else head, unit, form, key, rank=rank))
         columns.append(Column("", unit, form, f"{name}_mean_{unit}"))
         if at_gates:
             columns.append(Column("", unit, form, f"{name}_linear_{unit}"))
     kinds = list(dict.fromkeys(kind for stretch in stretches for kind in stretch.breaches))
-    columns += [Column("near" if kind == "clearance" else kind, "%", ".0f", f"{kind}_percent") for kind in kinds]
+    columns += [Column(_BREACHES.get(kind, kind), "%", ".0f", f"{kind}_percent") for kind in kinds]
     rows: list[list[Value]] = []
     for stretch in stretches:
         row: list[Value] = [stretch.name]
@@ -391,7 +472,8 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
                 row.append(factor * deviation.linear)
         row += [100.0 * stretch.breaches[kind].share if kind in stretch.breaches else 0.0 for kind in kinds]
         rows.append(row)
-    notes = ["right: flights that break a tolerance there; near: the wing tip too near to a pylon"] if kinds else []
+    at_gate = "right: flights that break a tolerance there; near: the wing tip too near to a pylon"
+    notes = [at_gate if at_gates else "over-g: flights with a pull on the leg that counts"] if kinds else []
     quantiles = [deviation.quantiles[-1] for stretch in stretches for deviation in stretch.deviations.values()]
     if not all(map(math.isfinite, quantiles)):
         flights_needed = ", ".join(f"{100 * share:g} % of {fewest(share)}" for share in SHARES)

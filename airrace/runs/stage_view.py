@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from airrace.flights.results.duals import ConstraintMultipliers, NamedArray
+    from airrace.flights.safety.monte_carlo import Watch
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
     from airrace.runs.safety_case import SafetyCase
@@ -338,6 +339,9 @@ class StageView:
         threads: int | None = None,
         label: str | None = None,
         replan_s: float | None = None,
+        falls: bool = False,
+        watch: "Watch | None" = None,
+        until: float = math.inf,
     ) -> "SafetyCase":
         """Fly the optimum many times with a pilot in the loop, in gusts and with errors, as `airrace safety` does.
 
@@ -353,12 +357,16 @@ class StageView:
             label: what people call the flight; None for the track's name and the stage.
             replan_s: the time after which the best that is left is solved anew as the line that is followed; then all
                 is flown twice, with the line fixed and with it replanned.
+            falls: whether the flights are let fall, too, from every tenth of a second.
+            watch: is told how many flights are flown, of how many, and how many of these break a rule.
+            until: the time of the monotonic clock, s, at which flights end; those that are flown count.
 
         Raises:
             UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
             SolverCrash: a solver process died.
         """
-        from airrace.runs.safety_case import fly_safety_case  # takes what flies, likewise
+        from airrace.flights.safety.monte_carlo import unwatched  # takes what flies, likewise
+        from airrace.runs.safety_case import fly_safety_case
 
         errors = (wind_error_kt, mass_error_percent, power_error_percent, density_error_percent, roll_timing_s)
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
@@ -374,6 +382,10 @@ class StageView:
             seed=seed,
             threads=threads,
             replan=None if replan_s is None else (replan_s, self.inputs.settings),
+            penalties=self.inputs.penalties,
+            falls=falls,
+            watch=watch or unwatched,
+            until=until,
         )
 
     def as_object(self) -> dict[str, object]:

@@ -60,7 +60,7 @@ def stored(run: Path) -> tuple[dict[str, str], set[tuple[str, str, str]], dict[s
 
 def test_the_layout_of_the_checkpoint_is_documented_in_full(flown: Path, tmp_path: Path) -> None:
     run = read_checkpoint(flown)
-    attempt = ReserveAttempt("{}", 10, 1, 0, 0.1, 0.0, 0.0, done=False)
+    attempt = ReserveAttempt("{}", 10, 1, 1, 0, 0.1, 1.0, 0.0, done=False)
     write_checkpoint(tmp_path / "run.h5", run.with_attempt(attempt, (), run.stages[-1].result))
     paths, columns, attributes = stored(tmp_path / "run.h5")
     flights = {path for path in paths if path.startswith("/reserve/N/flight/")}

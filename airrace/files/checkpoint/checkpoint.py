@@ -67,20 +67,22 @@ class ReserveAttempt:
     Attributes:
         asked: JSON text of the requested reserve.
         flights: number of closed-loop flights; 0 where there is no flight with such margins.
+        broken: the flights that break a limit.
         outside: the flights that break a limit other than the load factor.
-        over_load: the flights that exceed the load factor.
-        risk: to be allocated to all limits but the load factor.
-        load_risk: to be allocated to the load factor; 0 without a margin of it.
+        over_g: the flights with a pull that counts.
+        risk: to be allocated to all limits.
+        load_weight: by how much more often pulls count than the linear covariance predicts, beside other limits.
         lift: the share of the full margin of the lift coefficient.
         done: whether no attempt follows.
     """
 
     asked: str
     flights: int
+    broken: int
     outside: int
-    over_load: int
+    over_g: int
     risk: float
-    load_risk: float
+    load_weight: float
     lift: float
     done: bool
 

@@ -150,7 +150,8 @@ def _validate_mesh(mesh: MeshRecord, path: str) -> MeshRecord:
 
 def _validate_attempt(stored: StoredAttempt, path: str) -> StoredAttempt:
     attempt = stored.attempt
-    counts, numbers = (attempt.outside, attempt.over_load), (attempt.risk, attempt.load_risk, attempt.lift)
+    counts = attempt.broken, attempt.outside, attempt.over_g
+    numbers = attempt.risk, attempt.load_weight, attempt.lift
     if min(counts) < 0 or max(counts) > attempt.flights or not all(0.0 <= number < math.inf for number in numbers):
         raise CheckpointError(f"{path}/attempt: counts or risks that no attempt can have")
     if (stored.result is not None) is not (attempt.flights > 0):

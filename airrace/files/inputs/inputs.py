@@ -20,7 +20,7 @@ from airrace.files.inputs.rules import ReserveEntry, check_reserve, penalties_of
 from airrace.files.inputs.schema import Schema, language_of, languages_of, read_mapping, validate
 from airrace.files.inputs.settings import SettingsEntry, build_settings
 from airrace.files.inputs.track import TrackEntry, build_course, track_language
-from airrace.flights.logs.violations import NONE_KNOWN, Penalties
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.model.aircraft import Aircraft
 from airrace.model.dynamics.aerodynamics import lift_curve
 from airrace.model.dynamics.limits import contradictions

@@ -17,7 +17,7 @@ from airrace.files.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
 from airrace.files.inputs.nodes import Reporter, most_similar
 from airrace.files.inputs.places import Height
 from airrace.files.inputs.schema import Schema, ShorthandSchema, optional, read_entry
-from airrace.flights.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.flights.results.penalties import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import PILOT_DELAY
 from airrace.model.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
 from airrace.model.track.element import Element
@@ -205,10 +205,10 @@ class ReserveEntry(Schema):
 
     what: ClassVar[str] = "a reserve"
     probability: Annotated[float, Gt(0), Lt(1)] = Field(
-        description="that a race has no touch, no missed gate and no other breach but of the load factor"
+        description="that a race has no touch, no missed gate, no over-g and no other breach"
     )
-    load_factor: Annotated[float, Ge(0), Lt(1)] = Field(
-        default=0.0, description="probability that a race keeps the load factor, too; 0 leaves it where it is"
+    load_factor: bool = Field(
+        default=True, description="whether pulls that count by the penalties of the season are breaches; else excluded"
     )
     gusts: Literal["none", "light", "moderate", "severe"] = Field(
         default="light", description="turbulence of MIL-F-8785C"

@@ -18,9 +18,7 @@ from airrace.flights.logs.quality import receiver_accuracy
 from airrace.flights.logs.recording import Recording, count_of, refuse
 from airrace.flights.logs.smoothing import DURATION_MAX, EDGE, Path, smooth
 from airrace.flights.logs.violations import (
-    NONE_KNOWN,
     FlightErrors,
-    Penalties,
     StandardDeviations,
     Violation,
     is_measured,
@@ -28,6 +26,7 @@ from airrace.flights.logs.violations import (
     violations,
 )
 from airrace.flights.results import Flight, Source, TimedCrossing
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.model.track.course import Passage
 from airrace.optimal_control.quantities import plain_number
 from airrace.optimal_control.trajectory import Array

@@ -8,7 +8,7 @@ several limits, more of it is never judged more mildly: a harsher rule replaces 
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from airrace.flights.logs.errors import CommonErrors, Window
 from airrace.flights.results import Flight, TimedCrossing
 from airrace.flights.results.clearances import at_row, distances
 from airrace.flights.results.flight import Basis, legs_of
+from airrace.flights.results.penalties import ENDS_RACE, Penalties
 from airrace.model.dynamics.limits import flight_limits
 from airrace.model.dynamics.observations import crossing_values
 from airrace.model.frames import QUATERNION, angle_between
@@ -26,52 +27,10 @@ from airrace.model.track.gates import ElementWithTolerances, Passing
 from airrace.optimal_control.quantities import KNOT, Interval
 from airrace.procedure.formulation import crossing_parameters
 
-ENDS_RACE = math.inf
-"""The penalty that ends the race."""
 START_SPEEDS = {StartSpeed.GROUND: "V_K", StartSpeed.TRUE: "V_A", StartSpeed.INDICATED: "V_I"}
 """The history that the limit of the speed at the start is a limit of."""
 
 
-@dataclass(frozen=True)
-class Penalties:
-    """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule states them.
-
-    Attributes:
-        pylon: a wing touches a pylon.
-        missed: a gate or pylon is passed outside of its pylons or on the wrong side, or not at all.
-        too_high, too_low: a gate is passed above or below its legal heights.
-        bank: a gate is passed with another bank than prescribed.
-        climb: a gate is passed climbing or descending too steeply.
-        manoeuvre: a height or an attitude is not reached.
-        manoeuvres: the same of single kinds of elements, by the names of the kinds.
-        start_speed: the start is passed too fast.
-        start_speed_end: m/s, from which on that ends the race.
-        load_factor: the load factor exceeds the limit of the rules.
-        load_factor_from: g, from which it counts; None for the limit that the course has.
-        load_factor_time: s, for which it has to last before it counts.
-        load_factor_end: g, above which the race is over at once.
-        source: where the numbers come from.
-    """
-
-    pylon: float | None = None
-    missed: float | None = None
-    too_high: float | None = None
-    too_low: float | None = None
-    bank: float | None = None
-    climb: float | None = None
-    manoeuvre: float | None = None
-    manoeuvres: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
-    start_speed: float | None = None
-    start_speed_end: float | None = None
-    load_factor: float | None = None
-    load_factor_from: float | None = None
-    load_factor_time: float = 0.0
-    load_factor_end: float | None = None
-    source: str = ""
-
-
-NONE_KNOWN = Penalties()
-"""The penalties of a course whose rules name none."""
 CERTAIN_DEVIATIONS = 4.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 

@@ -15,6 +15,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from airrace.errors import UsageError
@@ -35,7 +36,7 @@ from airrace.flights.safety.outlines import Outline, Raster
 from airrace.model.environment import g0
 from airrace.model.track.course import Crowd, CrowdShape
 from airrace.optimal_control.trajectory import Array
-from airrace.procedure.planning.clearance import ground_distance
+from airrace.procedure.planning.clearance import beside_border, beside_line, ground_distance
 from airrace.race import Race
 
 NOT_AN_AUTHORITYS = (
@@ -66,11 +67,13 @@ class Track:
         label: what people call it.
         time: s, rising, shape (n,).
         states: at these times.
+        legs: the numbers of the passages in which the legs end, likewise; None where they are not known.
     """
 
     label: str
     time: Array
     states: States
+    legs: NDArray[np.int64] | None = None
 
     @classmethod
     def from_flight(cls, flight: Flight, rate: float = RATE) -> "Track":
@@ -87,7 +90,10 @@ class Track:
         finite = np.isfinite(states.place).all(axis=1) & np.isfinite(states.velocity).all(axis=1)
         if not finite.any():
             raise UsageError(f"{flight.label} has no footprint: its height or its velocity is known nowhere")
-        return cls(flight.label, time[finite], States(states.place[finite], states.velocity[finite]))
+        passings = [crossing.time for crossing in flight.crossings]
+        known = len(passings) > 1 and all(crossing.found for crossing in flight.crossings)
+        legs = np.searchsorted(passings[1:-1], time[finite], side="right") + 1 if known else None
+        return cls(flight.label, time[finite], States(states.place[finite], states.velocity[finite]), legs)
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,24 @@ class CrowdExposure:
             *(self.distance, self.label, self.time, self.seconds, self.overlap),
             *(self.straight_seconds, self.turned_seconds),
         )
+
+
+@dataclass(frozen=True)
+class BorderExposure:
+    """How near impacts come to a safety line or the border of the airspace, or how far beyond.
+
+    Attributes:
+        name: of the line or the border, in words.
+        distance: of the impact that is least on the allowed side, half the span taken off, m; negative beyond.
+        label, time: the flight, and when the aircraft begins to fall there, s.
+        seconds: for how long falls that begin meanwhile end beyond, s, over all flights.
+    """
+
+    name: str
+    distance: float
+    label: str
+    time: float
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -204,6 +228,30 @@ class Footprint:
         """How near impacts come to people, in the order of the course."""
         return tuple(self._exposure(crowd) for crowd in self.race.course.crowd)
 
+    @cached_property
+    def borders(self) -> tuple[BorderExposure, ...]:
+        """How near impacts come to safety lines, on the legs on which they count, and to the border."""
+        course, unknown = self.race.course, -1
+        legs = np.concatenate(
+            [np.full(len(track.time), unknown) if track.legs is None else track.legs for track in self.tracks]
+        )
+        exposures: list[BorderExposure] = []
+        for line in course.safety_lines:
+            counts = (legs == unknown) | np.isin(legs, course.passages_with_line(line))
+            beside = np.minimum(beside_line(self.vacuum.place, line), beside_line(self.drag.place, line))
+            if counts.any():
+                exposures.append(self._border_exposure(f"safety line {line.name}", np.where(counts, beside, np.inf)))
+        if course.airspace:
+            inside = (beside_border(impacts.place, course.airspace) for impacts in (self.vacuum, self.drag))
+            exposures.append(self._border_exposure("airspace", np.minimum(*inside)))
+        return tuple(exposures)
+
+    def _border_exposure(self, name: str, beside: Array) -> BorderExposure:
+        distances, steps = beside - self.half_span, np.concatenate([_spans(track.time) for track in self.tracks])
+        row = int(np.argmin(distances))
+        seconds = float(steps[distances < 0.0].sum())
+        return BorderExposure(name, float(distances[row]), self.labels[row], float(self.time[row]), seconds)
+
     def distances(self, crowd: Crowd) -> Array:
         """Return the least distance of every impact from people, half the span taken off, m, shape (n,)."""
         distances = np.full(len(self.time), np.inf)
@@ -263,6 +311,16 @@ class Footprint:
                     **dict(zip(keys, crowd.measures, strict=True)),
                 }
                 for crowd in self.crowds
+            ],
+            "borders": [
+                {
+                    "name": border.name,
+                    "distance_m": border.distance,
+                    "flight": border.label,
+                    "time_s": border.time,
+                    "beyond_s": border.seconds,
+                }
+                for border in self.borders
             ],
             "outlines": {"falls": _rings(self.falls), "glides": _rings([self.glides])},
             "remark": NOT_AN_AUTHORITYS,

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.closed_loop import ClosedLoop, Flights
 from airrace.flights.safety.nominal import TABLE_STEP, NominalFlight, errors
+from airrace.flights.safety.over_g import LOAD_ALLOWED, LoadRule
 from airrace.flights.safety.plant import STATE, STATES
 from airrace.model.dynamics.observations import CrossingParameters, crossing_observation
 from airrace.model.frames import rotation
@@ -52,8 +54,6 @@ ANGLE_ALLOWED = 0.0087
 """What is allowed beyond the sine of an angle, half a degree: cameras judge banks to about a degree."""
 SPEED_ALLOWED = 0.5
 """What is allowed beyond a speed, m/s: a knot."""
-LOAD_ALLOWED = 0.1
-"""What is allowed beyond a load factor, g: the noise of an accelerometer in turbulence."""
 TOUCH_DISTANCE = 0.05
 """The distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance are some
 millimetres apart. The ground is touched at the height of the origin."""
@@ -82,6 +82,41 @@ KINDS = {
 LENGTHS = ("missed", "clearance", "height")
 
 
+@dataclass(frozen=True)
+class Thing:
+    """What a flight keeps its distance from.
+
+    Attributes:
+        kind: `crowd`, `safety line`, `airspace`, `obstacle` or `ground`.
+        name: of the thing; empty where there is but one of its kind.
+        required: the least distance that the course asks for, m; negative distances lie beyond a line or a border.
+    """
+
+    kind: str
+    name: str
+    required: float
+
+    @property
+    def text(self) -> str:
+        """The thing in words, e.g. `crowd stands`."""
+        return f"{self.kind} {self.name}".rstrip()
+
+
+def things_of(course: Course) -> tuple[Thing, ...]:
+    """Return people, lines, border, obstacles and the ground, in this order.
+
+    The distance from the ground is that of the lower wing tip; the floor is a limit of the centre, and not in it.
+    """
+    border = [Thing("airspace", "", 0.0)] if course.airspace else []
+    return (
+        *(Thing("crowd", crowd.name, crowd.distance) for crowd in course.crowd),
+        *(Thing("safety line", line.name, line.margin) for line in course.safety_lines),
+        *border,
+        *(Thing("obstacle", obstacle.name, obstacle.clearance) for obstacle in course.obstacles),
+        Thing("ground", "", 0.0),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Judge:
     """The rules of a course, ready to measure flights.
@@ -95,6 +130,7 @@ class Judge:
         pylons: of the course.
         semispan: m.
         load: the load factors that are allowed.
+        load_rule: the pulls that count.
         seen: what is observed of a state at a passage.
     """
 
@@ -106,11 +142,14 @@ class Judge:
     pylons: tuple[PylonPost, ...]
     semispan: float
     load: Interval
+    load_rule: LoadRule
     seen: Observation
 
     @classmethod
-    def from_optimum(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
-        """Return the rules of a race, for flights along the optimum of a stage."""
+    def from_optimum(
+        cls, race: Race, result: StageResult, loop: ClosedLoop, penalties: Penalties = NONE_KNOWN
+    ) -> "Judge":
+        """Return the rules of a race with the penalties of its season, for flights along the optimum of a stage."""
         plant, span = loop.plant, race.aircraft.airframe.b
         waypoints: list[Waypoint] = []
         pace = cruise(race.aircraft, race.course.rules)
@@ -134,8 +173,14 @@ class Judge:
             pylons_of(race.course),
             0.5 * span,
             Interval(limit.lower, limit.upper),
+            LoadRule.from_penalties(race, penalties),
             crossing,
         )
+
+    @property
+    def things(self) -> tuple[Thing, ...]:
+        """What flights keep their distance from."""
+        return things_of(self.course)
 
     def boundary(self, waypoint: Waypoint) -> Boundary:
         """Return the conditions of a passage."""
@@ -153,6 +198,9 @@ class FlightMeasurements:
         touched: pylons and obstacles touched, shape (pylons, n).
         nearest: least distance of the wing from every pylon, m; likewise.
         along: other limits broken, by kind, shape (n,).
+        pulls: how many pulls that count begin on the leg that ends in each passage, shape (passages, n).
+        distances: least distance from every one of the judge's things, m, shape (things, n); infinite where a flight
+            was never on a leg that counts.
         deviations: lateral (m), height (m), bank (rad), load factor (g) on the grid of the clock; NaN where a flight is
             lost; shape (4, m, n).
         lost: whether a flight was lost.
@@ -163,6 +211,8 @@ class FlightMeasurements:
     touched: Booleans
     nearest: Array
     along: Mapping[str, Booleans]
+    pulls: NDArray[np.int64]
+    distances: Array
     deviations: Array
     lost: Booleans
 
@@ -179,6 +229,8 @@ def together(parts: Sequence[FlightMeasurements]) -> FlightMeasurements:
         join([part.touched for part in parts]),
         join([part.nearest for part in parts]),
         {kind: join([part.along[kind] for part in parts]) for kind in parts[0].along},
+        join([part.pulls for part in parts]),
+        join([part.distances for part in parts]),
         join([part.deviations for part in parts]),
         join([part.lost for part in parts]),
     )
@@ -210,16 +262,21 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
     centre, half = wing_of(np.transpose(flights.state, (1, 2, 0)), judge.semispan)  # (3, n, K)
     nearest = _pylons(judge, flights, racing, centre, half)
+    legs = legs_at(nominal, flights.clock)
+    tip = (centre[2] - np.abs(half[2])).T  # the height of the lower wing tip
+    distances = _distances(judge, flights, racing, legs, nearest, tip)
     return FlightMeasurements(
         crossed=crossed,
         breaches=breaches,
         touched=nearest < TOUCH_DISTANCE,
         nearest=nearest,
         along={
-            "ground": np.asarray((((centre[2] - np.abs(half[2])).T < 0.0) & racing).any(axis=0)),
+            "ground": distances[-1] < 0.0,
             "flight clearance": _too_near(judge, nearest),
-            **_along(judge, loop, flights, racing),
+            **_along(judge, flights, racing, distances),
         },
+        pulls=_pulls(judge, flights, racing, legs),
+        distances=distances,
         deviations=_deviations(loop, flights),
         lost=lost,
     )
@@ -356,32 +413,63 @@ def _too_near(judge: Judge, nearest: Array) -> Booleans:
     return np.asarray((nearest < np.array(required)[:, None] - LENGTH_ALLOWED).any(axis=0))
 
 
-def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -> dict[str, Booleans]:
-    """Return which other limits are broken: load factor, floor, ceiling, crowd, safety lines, airspace."""
-    course, beyond = judge.course, LENGTH_ALLOWED
-    height = -flights.state[:, STATE["z"]]
+def legs_at(nominal: NominalFlight, clock: Array) -> NDArray[np.int64]:
+    """Return the number of the passage in which the leg ends that is flown at some clock, of its shape."""
+    last = len(nominal.passing_times) - 1
+    return np.clip(np.searchsorted(nominal.passing_times, clock, side="right"), 1, max(last, 1))
+
+
+def _distances(
+    judge: Judge, flights: Flights, racing: Booleans, legs: NDArray[np.int64], nearest: Array, tip: Array
+) -> Array:
+    """Return the least distances of all flights from the judge's things, see `FlightMeasurements`."""
+    course = judge.course
     places = np.stack([flights.state[:, 0], flights.state[:, 1]], axis=-1)
-    # the leg that ends in the passage of this number
-    legs = np.searchsorted(loop.nominal.passing_times, flights.clock, side="right")
-    floor, ceiling = course.rules.height.lower, course.rules.height.upper
+    rows: list[Array] = []
+
+    def least(distance: Array, counts: Booleans = racing) -> None:
+        rows.append(np.min(distance, axis=0, where=counts, initial=np.inf))
+
+    for crowd in course.crowd:
+        distance = ground_distance(places, crowd)
+        if crowd.slant:
+            distance = np.hypot(distance, -flights.state[:, STATE["z"]] - crowd.height)
+        least(distance)
+    for line in course.safety_lines:
+        least(beside_line(places, line), racing & np.isin(legs, course.passages_with_line(line)))
+    if course.airspace:
+        least(beside_border(places, course.airspace))
+    for obstacle in course.obstacles:
+        own = [row for row, pylon in enumerate(judge.pylons) if pylon.is_obstacle and pylon.name == obstacle.name]
+        rows.append(nearest[own].min(axis=0))
+    least(tip)
+    return np.stack(rows)
+
+
+def _along(judge: Judge, flights: Flights, racing: Booleans, distances: Array) -> dict[str, Booleans]:
+    """Return which other limits are broken: load factor, floor, ceiling, crowd, safety lines, airspace."""
+    beyond, height = LENGTH_ALLOWED, -flights.state[:, STATE["z"]]
+    floor, ceiling = judge.course.rules.height.lower, judge.course.rules.height.upper
     breaches = {
         "load factor": (flights.load > judge.load.upper + LOAD_ALLOWED)
         | (flights.load < judge.load.lower - LOAD_ALLOWED),
         "floor": height < floor - beyond,
         "ceiling": height > ceiling + beyond,
-        **{kind: np.zeros_like(racing) for kind in ("crowd", "safety line", "airspace")},
     }
-    for crowd in course.crowd:
-        distance = ground_distance(places, crowd)
-        if crowd.slant:
-            distance = np.hypot(distance, height - crowd.height)
-        breaches["crowd"] |= distance < crowd.distance - beyond
-    for line in course.safety_lines:
-        on_legs = np.isin(legs, course.passages_with_line(line))
-        breaches["safety line"] |= on_legs & (beside_line(places, line) < line.margin - beyond)
-    if course.airspace:
-        breaches["airspace"] |= beside_border(places, course.airspace) < -beyond
-    return {kind: np.asarray((breach & racing).any(axis=0)) for kind, breach in breaches.items()}
+    along = {kind: np.asarray((breach & racing).any(axis=0)) for kind, breach in breaches.items()}
+    for kind in ("crowd", "safety line", "airspace"):
+        along[kind] = np.zeros(len(flights.lost), bool)
+        for thing, distance in zip(judge.things, distances, strict=True):
+            if thing.kind == kind:
+                along[kind] |= distance < thing.required - beyond
+    return along
+
+
+def _pulls(judge: Judge, flights: Flights, racing: Booleans, legs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return how many pulls that count begin on every leg, see `FlightMeasurements`."""
+    begins = judge.load_rule.pulls(flights.load, flights.sample, racing)
+    count = len(judge.boundaries)
+    return np.stack([(begins & (legs == number)).sum(axis=0) for number in range(count)])
 
 
 def grid_of(nominal: NominalFlight) -> Array:

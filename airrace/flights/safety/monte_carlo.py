@@ -4,7 +4,8 @@ Its results are counts with confidence intervals, and the scatter at every gate 
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,11 +13,25 @@ import numpy as np
 from scipy.special import betaincinv
 
 from airrace.errors import UsageError
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.flights.safety.covariance import covariance
 from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
-from airrace.flights.safety.judge import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
+from airrace.flights.safety.impacts import Fallen, Stretches, fall, fallen_together, targets_of
+from airrace.flights.safety.judge import (
+    LENGTH_ALLOWED,
+    Booleans,
+    FlightMeasurements,
+    Judge,
+    Thing,
+    axis_of,
+    grid_of,
+    measure,
+    onto_plane,
+    together,
+)
 from airrace.flights.safety.nominal import ERRORS, NominalFlight, gradients
+from airrace.flights.safety.over_g import LoadRule
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DisturbedPlant
 from airrace.flights.safety.replanning import Replanning
@@ -26,6 +41,14 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.runtime.process import available_cores
+
+Watch = Callable[[int, int, int], None]
+"""Is told how many flights are flown, of how many, and how many of these break a rule."""
+
+
+def unwatched(done: int, total: int, broken: int) -> None:
+    """Tell nobody."""
+
 
 CONFIDENCE = 0.95
 """The confidence of intervals of counts."""
@@ -43,7 +66,9 @@ QUANTITIES = ("lateral", "height", "bank", "load_factor")
 CONTACT = ("pylon", "ground", "missed", "lost")
 """The kinds of breaches that end a race and may hurt people."""
 LOAD = "load factor"
-"""The kind of breach that is counted apart."""
+"""The kind of breach that is counted apart: beyond the limit for however short a time."""
+OVER_G = "over-g"
+"""The kind of breach of pulls that count by the rules; see `airrace.flights.safety.over_g`."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +97,31 @@ class Count:
     def share(self) -> float:
         """The share of the flights."""
         return self.flights / self.of
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How near flights come to one thing.
+
+    Attributes:
+        thing: from which the distance is measured.
+        least: that of all flights, m.
+        kept: the distance that 99.7 % of them keep, m; NaN of too few flights, see `fewest`.
+        nearer: the flights that come too near.
+    """
+
+    thing: Thing
+    least: float
+    kept: float
+    nearer: Count
+
+    @classmethod
+    def from_distances(cls, thing: Thing, distances: Array, nearer: Booleans) -> "Nearness":
+        """Return that of the least distances of all flights, m, and of those that come too near, each of shape (n,)."""
+        count, kept = len(distances), np.nan
+        if count >= fewest(SHARES[1]):
+            kept = float(np.sort(distances)[math.floor((1.0 - SHARES[1]) * count + 1e-9)])
+        return cls(thing, float(distances.min()), kept, Count.with_interval(int(nearer.sum()), count))
 
 
 @dataclass(frozen=True)
@@ -110,13 +160,22 @@ class SafetyResult:
 
     Attributes:
         scatter, pilot, seed, flights: what was simulated, and how often.
+        asked: how many flights were asked for; more than `flights` where the time was over before.
         race_time: of the optimum, s.
         counts: by kind: `pylon` (the wing touches one), `ground` (a wing tip does), `missed`, `clearance`, `height`,
             `bank`, `course`, `climb`, `speed`, `tolerance` at gates; `flight clearance` (of the wing at any time),
-            `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`; `load factor`.
+            `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`; `load factor`, beyond its limit however
+            short; `over-g`, by the rules.
         contact: flights that touch a pylon or the ground, miss a gate or are lost.
         outside: flights that break anything but the load factor.
-        gates, legs: the scatter.
+        broken: flights that break anything, over-g included.
+        load_rule: the pulls that count as over-g; `pulls`, how many there are in all flights together.
+        gates, legs: the scatter; over-g is among the breaches of legs.
+        distances: from people, lines, border, obstacles and the ground; too near is nearer than the course allows, by
+            more than what is not counted.
+        impacts: distances of falls from people, lines and border, half the span taken off; too near is on people, and
+            beyond a line or the border. Empty where flights were not let fall.
+        stretches: what these falls sweep over, flight by flight.
         pylons: flights that touch each pylon, and the least distance of any, m, by its name.
         race_times: of the flights, s, NaN where one does not finish; shape (n,).
         clock, envelope: the grid of the clock, s, shape (m,), and on it the quantiles 0.0015, 0.025, 0.5, 0.975 and
@@ -127,16 +186,23 @@ class SafetyResult:
     pilot: PilotModel
     seed: int
     flights: int
+    asked: int
     race_time: float
     counts: Mapping[str, Count]
     contact: Count
     outside: Count
+    broken: Count
+    load_rule: LoadRule
+    pulls: int
+    distances: tuple[Nearness, ...]
     gates: tuple[Stretch, ...]
     legs: tuple[Stretch, ...]
     pylons: Mapping[str, tuple[Count, float]]
     race_times: Array
     clock: Array
     envelope: Array
+    impacts: tuple[Nearness, ...] = ()
+    stretches: tuple[Stretches, ...] = ()
 
     @property
     def note(self) -> str:
@@ -179,7 +245,9 @@ def leg_stretches(
     for number, name in enumerate(names[1:]):
         inside = (clock >= passing_times[number]) & (clock <= passing_times[number + 1])
         rows = measured.deviations[:, inside]
-        yield Stretch(name, {key: _worst(values) for key, values in zip(QUANTITIES, rows, strict=True)}, {})
+        pulled = measured.pulls[number + 1] > 0
+        breaches = {OVER_G: Count.with_interval(int(pulled.sum()), len(pulled))} if pulled.any() else {}
+        yield Stretch(name, {key: _worst(values) for key, values in zip(QUANTITIES, rows, strict=True)}, breaches)
 
 
 def _deviation(values: Array, linear: float) -> Deviation:
@@ -269,6 +337,10 @@ def fly_closed_loop(
     seed: int = 0,
     threads: int | None = None,
     replanning: Replanning | None = None,
+    penalties: Penalties = NONE_KNOWN,
+    falls: bool = False,
+    watch: Watch = unwatched,
+    until: float = math.inf,
 ) -> SafetyResult:
     """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
@@ -281,6 +353,10 @@ def fly_closed_loop(
         seed: of all flights; flight k is the same for any number of flights.
         threads: None for one per processor.
         replanning: of the line that is followed, by threads of its own; None where it is the optimum all along.
+        penalties: of the season, by which over-g is counted.
+        falls: whether all flights are let fall, too.
+        watch: is told how far it is, batch by batch.
+        until: the time of the monotonic clock, s, after which no further batch begins; the first one always does.
 
     Raises:
         UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
@@ -290,23 +366,34 @@ def fly_closed_loop(
         raise UsageError(f"{flights} flights are out of range: it must be 1 to {MOST_FLIGHTS}")
     race, scatter = race.by_rules, scatter or Scatter()
     loop = closed_loop_of(race, result, pilot or PilotModel())
-    judge = Judge.from_optimum(race, result, loop)
+    judge = Judge.from_optimum(race, result, loop, penalties)
 
-    def run_batch(numbers: range) -> FlightMeasurements:
-        return measure(judge, loop, fly(loop, scatter, seed, numbers, replanning))
+    def run_batch(numbers: range) -> tuple[FlightMeasurements, Fallen | None] | None:
+        if numbers.start and time.monotonic() > until:
+            return None
+        flown = fly(loop, scatter, seed, numbers, replanning)
+        return measure(judge, loop, flown), fall(race, loop, flown) if falls else None
 
-    batches_at_once = 1 if replanning else threads or available_cores()
-    with ThreadPoolExecutor(batches_at_once) as pool:
-        measured = together(list(pool.map(run_batch, batches(flights))))
+    parts: list[tuple[FlightMeasurements, Fallen | None]] = []
+    asked, failed = flights, 0
+    with ThreadPoolExecutor(1 if replanning else threads or available_cores()) as pool:
+        watch(0, asked, 0)
+        try:
+            for numbers, part in zip(batches(asked), pool.map(run_batch, batches(asked)), strict=True):
+                if part is None:
+                    break
+                parts.append(part)
+                flights, failed = numbers.stop, failed + int(_broken(_breaches(part[0])).sum())
+                watch(flights, asked, failed)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)  # nobody waits for what is left
+            raise
+    measured = together([part for part, _ in parts])
+    fallen = fallen_together([part for _, part in parts if part is not None])
     names = [passage.name for passage in race.course.passages]
-    broken = {
-        "pylon": np.asarray(measured.touched.any(axis=0)),
-        **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
-        **measured.along,
-        "lost": measured.lost,
-    }
-    contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
-    outside = np.logical_or.reduce([breach for kind, breach in broken.items() if kind != LOAD])
+    breaches = _breaches(measured)
+    contact = np.logical_or.reduce([breaches[kind] for kind in CONTACT])
+    outside = np.logical_or.reduce([breach for kind, breach in breaches.items() if kind not in (LOAD, OVER_G)])
     clock, passing_times = grid_of(loop.nominal), loop.nominal.passing_times
     linear = np.full((len(names), 5), np.nan) if replanning else linear_at_passings(loop, judge, scatter)
     with np.errstate(all="ignore"):
@@ -316,10 +403,23 @@ def fly_closed_loop(
         pilot=loop.pilot,
         seed=seed,
         flights=flights,
+        asked=asked,
         race_time=result.trajectory.race_time,
-        counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in broken.items()},
+        counts={kind: Count.with_interval(int(breach.sum()), flights) for kind, breach in breaches.items()},
         contact=Count.with_interval(int(contact.sum()), flights),
         outside=Count.with_interval(int(outside.sum()), flights),
+        broken=Count.with_interval(int(_broken(breaches).sum()), flights),
+        load_rule=judge.load_rule,
+        pulls=int(measured.pulls.sum()),
+        distances=tuple(
+            Nearness.from_distances(thing, distances, distances < thing.required - LENGTH_ALLOWED)
+            for thing, distances in zip(judge.things, measured.distances, strict=True)
+        ),
+        impacts=tuple(
+            Nearness.from_distances(thing, distances, distances <= 0.0 if thing.kind == "crowd" else distances < 0.0)
+            for thing, distances in zip(targets_of(race), fallen.distances, strict=False)
+        ),
+        stretches=fallen.stretches,
         gates=tuple(gate_stretches(names, measured, linear)),
         legs=tuple(leg_stretches(names, passing_times, clock, measured)),
         pylons={
@@ -330,6 +430,22 @@ def fly_closed_loop(
         clock=clock,
         envelope=envelope,
     )
+
+
+def _breaches(measured: FlightMeasurements) -> dict[str, Booleans]:
+    """Return which flights break what, by kind, each of shape (n,)."""
+    return {
+        "pylon": np.asarray(measured.touched.any(axis=0)),
+        **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
+        **measured.along,
+        "lost": measured.lost,
+        OVER_G: np.asarray(measured.pulls.any(axis=0)),
+    }
+
+
+def _broken(breaches: Mapping[str, Booleans]) -> Booleans:
+    """Return which flights break anything; a load factor beyond its limit is over-g where it counts."""
+    return np.asarray(np.logical_or.reduce([breach for kind, breach in breaches.items() if kind != LOAD]))
 
 
 def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Array:

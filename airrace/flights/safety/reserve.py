@@ -33,16 +33,17 @@ from airrace.flights.safety.judge import (
     KINDS,
     LENGTH_ALLOWED,
     LENGTHS,
-    LOAD_ALLOWED,
     Judge,
     onto_plane,
     wing_of,
 )
 from airrace.flights.safety.monte_carlo import LOAD
 from airrace.flights.safety.nominal import ERRORS, gradients, instants
+from airrace.flights.safety.over_g import LOAD_ALLOWED
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE
 from airrace.model.track.gates import ElementWithTolerances, Passing
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.system import at_points
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.planning.clearance import (
@@ -97,6 +98,7 @@ class Limit:
         between: the room from here to the opposite limit, of which margins take a share; infinite without one.
         idle: the margin up to which something else is stricter.
         present: the margin with which the optimum was solved.
+        cap: the margin beyond which a passing of a fixed height leaves no flight.
     """
 
     key: str
@@ -109,6 +111,7 @@ class Limit:
     between: float = math.inf
     idle: float = 0.0
     present: float = 0.0
+    cap: float = math.inf
 
     @property
     def risk_now(self) -> float:
@@ -117,8 +120,8 @@ class Limit:
 
     @property
     def most(self) -> float:
-        """The largest margin that leaves half of the room to the opposite limit."""
-        return 0.5 * MARGIN_SHARE * self.between / self.rate
+        """The largest margin that leaves a flight, and half of the room to the opposite limit."""
+        return min(0.5 * MARGIN_SHARE * self.between / self.rate, self.cap)
 
     @property
     def negligible_risk_margin(self) -> float:
@@ -261,7 +264,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         _, half = wing_of(x, judge.semispan)
         n_z, alpha_A = loop.plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[rows]
         distances = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
-        distances += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
+        distances += [judge.load.upper - n_z, n_z - judge.load_rule.lower, stall_angle - alpha_A]
         for crowd in course.crowd:
             distance = ground_distance(places, crowd)
             if crowd.slant:
@@ -276,8 +279,15 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
     reached = lift.C_L0 + lift.C_Lalpha * stall_angle
     idle = {
         "rules.n_z_max": max(rules.n_z.upper - judge.load.upper, 0.0),
-        "rules.n_z_min": max(judge.load.lower - rules.n_z.lower, 0.0),
+        "rules.n_z_min": max(judge.load_rule.lower - rules.n_z.lower, 0.0),
         "rules.C_L_max": max(min(rules.C_L.upper, lift.C_L_max) - reached, 0.0),
+    }
+    fixed_heights = [
+        -z.upper for z in (boundary.bounds.get("z", Interval()) for boundary in judge.boundaries) if z.lower == z.upper
+    ]
+    caps = {
+        "rules.floor_m": min((height - rules.height.lower for height in fixed_heights), default=math.inf),
+        "rules.ceiling_m": min((rules.height.upper - height for height in fixed_heights), default=math.inf),
     }
     with np.errstate(invalid="ignore"):  # of limits that are not set
         slopes = np.nan_to_num(gradients(rooms, line))
@@ -295,7 +305,8 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
             rate = 1.0 / race.aircraft.lift.C_Lalpha if kind == STALL else 1.0
             numbers = float(room[row, at]) + allowed, float(sigma[row, at]), allowed, rate
             if math.isfinite(numbers[0]):
-                yield Limit(key, kind, place.name, *numbers, idle=idle.get(key, 0.0))
+                cap = max(caps.get(key, math.inf), 0.0)
+                yield Limit(key, kind, place.name, *numbers, idle=idle.get(key, 0.0), cap=cap)
 
 
 def _at(P: Array, loop: ClosedLoop, time: float) -> Array:
@@ -332,24 +343,31 @@ class Allocation:
     reaches: bool
 
 
-def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) -> Allocation:
+def allocate(
+    limits: Sequence[Limit], prices: Mapping[str, float], risk: float, weights: Mapping[str, float] | None = None
+) -> Allocation:
     """Return the cheapest margins that leave a risk.
 
     Args:
         limits: of one race.
         prices: of margins, s per unit of their keys; those that are missing cost nothing.
         risk: the sum of the probabilities of breaches that is allowed.
+        weights: of these probabilities, by the kinds of the limits; 1 where there is none.
     """
+
+    def risk_of(limit: Limit, margin: Array) -> Array:
+        return (weights or {}).get(limit.kind, 1.0) * limit.risk(margin)
+
     by_key: dict[str, list[Limit]] = {}
     for limit in limits:
         by_key.setdefault(limit.key, []).append(limit)
-    fixed = sum(float(limit.risk(np.zeros(()))) for limit in by_key.pop("", []))
+    fixed = sum(float(risk_of(limit, np.zeros(()))) for limit in by_key.pop("", []))
     tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
     for row, (key, of_key) in enumerate(by_key.items()):
         most = min(max(limit.negligible_risk_margin for limit in of_key), min(limit.most for limit in of_key))
         tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
         least = PRICE_MIN * max(limit.rate / limit.sigma for limit in of_key)
-        risks[row] = sum(limit.risk(tried[row]) for limit in of_key)
+        risks[row] = sum(risk_of(limit, tried[row]) for limit in of_key)
         costs[row] = max(prices.get(key, 0.0), least) * tried[row]
 
     def chosen(weight: float) -> tuple[Array, float]:
@@ -362,5 +380,5 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
         weight = math.sqrt(low * high)
         low, high = (low, weight) if chosen(weight)[1] <= risk else (weight, high)
     margins = dict(zip(by_key, chosen(high)[0].tolist(), strict=True))
-    left = np.array([float(limit.risk(np.array(margins.get(limit.key, 0.0)))) for limit in limits])
+    left = np.array([float(risk_of(limit, np.array(margins.get(limit.key, 0.0)))) for limit in limits])
     return Allocation({key: margin for key, margin in margins.items() if margin > 0.0}, left, bool(left.sum() <= risk))

@@ -1,11 +1,14 @@
 """A document to be filed: tables and figures on numbered pages of A4, as one HTML file that loads nothing."""
 
+import math
 import string
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from airrace.pages.report.script import FOLDER
+from airrace.pages.views.drawing import Figure, figure_address
 from airrace.pages.views.plain_text import escape_html
-from airrace.pages.views.tables import Table
+from airrace.pages.views.tables import Cell, Table, Value
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -25,24 +28,125 @@ WIDE = 12
 """The number of columns from which on a table is set smaller."""
 
 
-def document_page(title: str, parts: Iterable[str], mark: str) -> str:
-    """Return a document.
+@dataclass(frozen=True)
+class Part:
+    """A part of a document, for people and for programs.
 
-    Args:
+    Attributes:
+        html: what is printed.
+        content: the same as plain values, numbers unrounded; None for a picture.
+    """
+
+    html: str
+    content: object = None
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """Parts below a heading; it begins on a page of its own or not."""
+
+    title: str
+    parts: Sequence[Part]
+    new_page: bool = False
+
+
+@dataclass(frozen=True)
+class Document:
+    """A document: a first page with the contents, and numbered chapters.
+
+    Attributes:
         title: of the file.
-        parts: HTML, in order; empty ones are left out.
+        first: on the first page.
+        chapters: in their order; those without parts are left out.
         mark: stands below every page, to tell which document it belongs to; letters, digits and spaces.
     """
-    if not all(letter.isalnum() or letter == " " for letter in mark):
-        raise ValueError(f"{mark!r} would have to be escaped in CSS")
-    style = string.Template((FOLDER / "style" / "document.css").read_text(encoding="utf-8")).substitute(mark=mark)
-    return _PAGE.format(title=escape_html(title), style=style, body="\n".join(filter(None, parts)))
+
+    title: str
+    first: Sequence[Part]
+    chapters: Sequence[Chapter]
+    mark: str
+
+    def html(self) -> str:
+        """Return it as one file that loads nothing."""
+        if not all(letter.isalnum() or letter == " " for letter in self.mark):
+            raise ValueError(f"{self.mark!r} would have to be escaped in CSS")
+        template = string.Template((FOLDER / "style" / "document.css").read_text(encoding="utf-8"))
+        chapters = [chapter for chapter in self.chapters if chapter.parts]
+        entries = (
+            f'<li><a href="#chapter-{number}">{escape_html(chapter.title)}</a></li>'
+            for number, chapter in enumerate(chapters, 1)
+        )
+        body = [part.html for part in self.first]
+        body.append(f"<nav><h3>Contents</h3><ol>{''.join(entries)}</ol></nav>")
+        for number, chapter in enumerate(chapters, 1):
+            begins = ' class="new-page"' if chapter.new_page else ""
+            heading = f'<h2 id="chapter-{number}">{number} {escape_html(chapter.title)}</h2>'
+            body.append(f"<section{begins}>{heading}{''.join(part.html for part in chapter.parts)}</section>")
+        style = template.substitute(mark=self.mark)
+        return _PAGE.format(title=escape_html(self.title), style=style, body="\n".join(filter(None, body)))
+
+    def as_object(self) -> dict[str, object]:
+        """Return all that is in it but its pictures."""
+        chapters = [chapter for chapter in self.chapters if chapter.parts]
+        return {
+            "title": self.title,
+            "first_page": _contents(self.first),
+            "chapters": [
+                {"number": number, "title": chapter.title, "parts": _contents(chapter.parts)}
+                for number, chapter in enumerate(chapters, 1)
+            ],
+        }
 
 
-def chapter(title: str, *parts: str, new_page: bool = False) -> str:
-    """Return a section with a heading."""
-    begins = ' class="new-page"' if new_page else ""
-    return f"<section{begins}><h2>{escape_html(title)}</h2>{''.join(parts)}</section>"
+def _contents(parts: Iterable[Part]) -> list[object]:
+    return [part.content for part in parts if part.content is not None]
+
+
+def table_part(table: Table, *, columns: bool = False) -> Part:
+    """Return a table without the columns in which nothing is known; see `table_block`."""
+    if table.rows:
+        table = table.without_empty_columns()
+    visible = [(number, column) for number, column in enumerate(table.columns) if column.visible]
+    rows: list[list[Value]] = []
+    for row in table.rows:
+        values: list[Value] = []
+        for number, column in visible:
+            cell = row[number]
+            value = cell.value if isinstance(cell, Cell) else cell
+            if isinstance(cell, Cell) and cell.text is not None:
+                value = cell.text
+            elif isinstance(value, float):
+                value = column.factor * value if math.isfinite(value) else None
+            values.append(value)
+        rows.append(values)
+    heads = [f"{column.name} {column.unit}".strip() for _, column in visible]
+    content = {"title": table.title, "columns": heads, "rows": rows, "notes": list(table.notes)}
+    return Part(table_block(table, columns=columns), content)
+
+
+def facts_part(pairs: Sequence[tuple[str, str]]) -> Part:
+    """Return names and what they stand for; empty texts are left out."""
+    return Part(facts_block(pairs), {name: text for name, text in pairs if text})
+
+
+def list_part(texts: Sequence[str]) -> Part:
+    """Return clauses as sentences, one below the other."""
+    return Part(list_block(texts), list(texts))
+
+
+def note_part(text: str) -> Part:
+    """Return a sentence in small print."""
+    return Part(f'<p class="note">{escape_html(text)}</p>', text)
+
+
+def known_part(title: str, texts: Sequence[str]) -> Part:
+    """Return what has to be known first, in a frame; empty where there is nothing."""
+    return Part(known_block(title, texts), list(texts) or None)
+
+
+def picture_part(figure: Figure, words: str) -> Part:
+    """Return a picture, and what is to be seen for those who do not see it."""
+    return Part(figure_block(figure_address(figure), words))
 
 
 def table_block(table: Table, *, columns: bool = False) -> str:

@@ -25,7 +25,7 @@ from airrace.pages.views.drawing import (
     place_labels,
     without_formulas,
 )
-from airrace.pages.views.map_model import MapLine, MapModel, Mark, coordinates
+from airrace.pages.views.map_model import MapLine, MapModel, Mark, coordinates, round_length
 from airrace.procedure.planning.clearance import ground_distance
 
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
@@ -76,6 +76,18 @@ def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) ->
     if tracks:
         _draw_ways(axes, map_)
     _draw_elements(axes, map_, frame)
+
+
+def draw_scale(axes: Axes, frame: Box) -> None:
+    """Draw a bar of a round length and an arrow to the north into the lower left corner."""
+    length = round_length(0.25 * frame.width)
+    left, bottom = frame.left + 0.03 * frame.width, frame.bottom + 0.03 * frame.height
+    axes.plot([left, left + length], [bottom, bottom], color=BLACK, linewidth=3.0, solid_capstyle="butt", zorder=6)
+    axes.text(left, bottom + 0.012 * frame.height, f"{length:g} m", fontsize=9, bbox=LEGIBLE, zorder=6)
+    top = frame.bottom + 0.18 * frame.height
+    style = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.2}
+    axes.annotate("", (left, top), (left, bottom + 0.07 * frame.height), arrowprops=style, zorder=6)
+    axes.text(left, top, "N", fontsize=10, fontweight="bold", ha="center", va="bottom", zorder=6)
 
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:

@@ -13,7 +13,7 @@ from airrace.flights.safety.monte_carlo import SafetyResult
 from airrace.flights.safety.outlines import Outline
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
-from airrace.pages.views.course_figure import draw_map, frame_of, map_size, write_labels
+from airrace.pages.views.course_figure import draw_map, draw_scale, frame_of, map_size, write_labels
 from airrace.pages.views.drawing import BLACK, BLUE, COLOURS, GREY, Axes, Figure, new_figure, without_formulas
 from airrace.pages.views.map_model import map_model
 from airrace.pages.views.tables import Column, Table
@@ -23,10 +23,35 @@ FOOTPRINT_MAX = 9.0  # inches, the height of the map
 
 
 @without_formulas
-def footprint_figure(footprint: Footprint, flight: Flight) -> Figure:
-    """Return the map of the race with a flight of it and what falls where."""
+def case_map(flight: Flight) -> Figure:
+    """Return the map of the course with the line that is flown, a scale and north."""
     line = np.stack([flight["x"], flight["y"]], axis=1)
-    corners = np.concatenate([line, *(fall.border for fall in footprint.falls)])
+    map_ = map_model(flight.race).with_track(line)
+    frame = frame_of(map_)
+    width, height = map_size(frame, FOOTPRINT_MAX)
+    figure = new_figure(width, height + 1.2, layout="compressed")
+    axes = figure.add_subplot()
+    draw_map(axes, map_, frame)
+    axes.plot(line[:, 1], line[:, 0], color=COLOURS[0], linewidth=1.6, label="the line flown", zorder=4)
+    draw_scale(axes, frame)
+    axes.set(xlabel="east, m", ylabel="north, m")
+    figure.legend(loc="outside lower center", frameon=False, fontsize=11, ncols=2)
+    figure.draw_without_rendering()  # the positions of the axes are known only afterwards
+    write_labels(figure, axes, map_, frame)
+    return figure
+
+
+@without_formulas
+def footprint_figure(footprint: Footprint, flight: Flight, everywhere: tuple[Outline, ...] = ()) -> Figure:
+    """Return the map of the race with a flight of it and what falls where.
+
+    Args:
+        footprint: of the flight.
+        flight: the optimum.
+        everywhere: the ground that falls of all closed-loop flights along it meet.
+    """
+    line = np.stack([flight["x"], flight["y"]], axis=1)
+    corners = np.concatenate([line, *(fall.border for fall in (*footprint.falls, *everywhere))])
     map_ = map_model(flight.race).with_track(corners)  # the frame holds all falls
     frame = frame_of(map_)
     width, height = map_size(frame, FOOTPRINT_MAX)
@@ -39,6 +64,7 @@ def footprint_figure(footprint: Footprint, flight: Flight) -> Figure:
     )
     map_ = map_.with_track(line)
     draw_map(axes, map_, frame)
+    _draw_outlines(axes, everywhere, COLOURS[4 % len(COLOURS)], "the same of all closed-loop flights")
     _draw_outlines(axes, footprint.falls, COLOURS[1], "impacts after free fall,\nhalf the span around them")
     axes.plot(line[:, 1], line[:, 0], color=COLOURS[0], linewidth=1.6, label="the flight", zorder=4)
     hull, ways = footprint.glides.border, footprint.reach.distance
@@ -50,6 +76,7 @@ def footprint_figure(footprint: Footprint, flight: Flight) -> Figure:
     axes.plot(*np.vstack([hull, hull[:1]])[:, ::-1].T, **style, zorder=2)
     axes.plot([], [], **style, label=f"{reaches}\n{within}")
     axes.set(xlabel="east, m", ylabel="north, m")
+    draw_scale(axes, frame)
     figure.legend(loc="outside lower center", frameon=False, fontsize=9, ncols=3)
     figure.draw_without_rendering()  # the positions of the axes are known only afterwards
     write_labels(figure, axes, map_, frame)
@@ -76,6 +103,10 @@ _PEOPLE = (
     *(Column("people", wraps=True), Column("rule", "m", ".0f"), Column("least", "m", ".0f")),
     *(Column("from", "s", ".2f"), Column("leg", wraps=True), Column("hit", "s", ".2f")),
     *(Column("area", "m2", ".0f"), Column("glide", "s", ".1f"), Column("turn", "s", ".1f")),
+)
+_BORDERS = (
+    *(Column("line or border", wraps=True), Column("least", "m", "z.0f"), Column("from", "s", ".2f")),
+    *(Column("leg", wraps=True), Column("beyond", "s", ".2f")),
 )
 _HOW_TO_READ = (
     "least: distance of the nearest impact, half the span taken off. hit: for how long a fall that begins meanwhile "
@@ -107,6 +138,17 @@ def people_table(footprint: Footprint, flight: Flight) -> Table:
         for crowd in footprint.crowds
     ]
     return Table("impacts and people", _PEOPLE, rows, [_HOW_TO_READ if rows else NO_PEOPLE])
+
+
+def borders_table(footprint: Footprint, flight: Flight) -> Table:
+    """Return how near to safety lines and the border impacts come; no row where the course names none."""
+    rows = [
+        (border.name, border.distance, border.time, leg_at(flight, border.time), border.seconds)
+        for border in footprint.borders
+    ]
+    note = "least: that of the nearest impact on the allowed side, half the span taken off; negative: beyond. beyond: "
+    note += "for how long a fall that begins meanwhile ends beyond."
+    return Table("impacts, lines and border", _BORDERS, rows, [note] if rows else [])
 
 
 def footprint_facts(footprint: Footprint, flight: Flight) -> list[str]:

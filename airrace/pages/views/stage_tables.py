@@ -280,6 +280,8 @@ def distance_table(
     rows: list[tuple[str | float, ...]] = []
     for clearance in least_distances(flight):
         distances = (clearance.distance, clearance.required, clearance.margin)
+        if clearance.kind == "floor":  # people know it as a height
+            distances = (clearance.height, clearance.height - clearance.distance, clearance.margin)
         rows.append((clearance.text, *distances, clearance.time - begin, clearance.height))
     return Table(title, columns, rows, notes)
 

@@ -194,6 +194,17 @@ class Table:
             writer.writerow([_csv_cell(value, form) for value in row])
         return text.getvalue()
 
+    def without_empty_columns(self) -> "Table":
+        """Return the table without the columns in which nothing is known in any row."""
+
+        def is_known(cell: "Cell | Value") -> bool:
+            value = cell.value if isinstance(cell, Cell) else cell
+            return value not in (None, "") and not (isinstance(value, float) and math.isnan(value))
+
+        kept = [number for number in range(len(self.columns)) if any(is_known(row[number]) for row in self.rows)]
+        columns = [self.columns[number] for number in kept]
+        return replace(self, columns=columns, rows=[[row[number] for number in kept] for row in self.rows])
+
     def objects(self) -> list[dict[str, Value]]:
         """Return the rows as objects by the columns' keys, for JSON."""
         heads, *rows = self._data_rows()

@@ -59,6 +59,7 @@ class LiveView(Progress):
         self._clock = clock
         self._started = clock()
         self._current: _StageUnderWay | None = None
+        self._between = ("", 0, 0)  # what is done besides the stages
         self.live = Live(
             console=console,
             get_renderable=self._render,
@@ -69,10 +70,13 @@ class LiveView(Progress):
 
     def stage_started(self, stage: Stage) -> None:
         self._current = _StageUnderWay(stage, stage_number(stage, self._stages), self._clock())
+        self._between = ("", 0, 0)
 
     def activity(self, text: str, done: int, total: int) -> None:
         if self._current is not None:
             self._current = replace(self._current, activity=text, done=done, total=total, iteration=None)
+        else:
+            self._between = text, done, total
 
     def iteration(self, iteration: Iteration) -> None:
         if self._current is not None:
@@ -90,7 +94,7 @@ class LiveView(Progress):
         rows = Table.grid(padding=(0, 2), expand=True)
         rows.add_column(style="dim", width=13)
         rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-        for name, value in _rows(self._current, now):
+        for name, value in _rows(self._current, self._between, now):
             rows.add_row(name, value)
         rows.add_row("elapsed", _duration(now - self._started))
         # A box of the same size whatever happens in it, so that nothing jumps.
@@ -98,10 +102,15 @@ class LiveView(Progress):
         return Panel(rows, title=Text(self._title), title_align="left", width=width, padding=(0, 1))
 
 
-def _rows(current: _StageUnderWay | None, now: float) -> Iterator[tuple[str, RenderableType]]:
-    """Yield always the same rows; without a stage they are empty."""
+def _rows(
+    current: _StageUnderWay | None, between: tuple[str, int, int], now: float
+) -> Iterator[tuple[str, RenderableType]]:
+    """Yield always the same rows; without a stage they tell of what is done besides, if anything."""
     if current is None:
-        yield from ((name, Text("")) for name in ROWS)
+        text, done, total = between
+        bar = ProgressBar(total=total, completed=done, width=40) if total else Text("")
+        shown: dict[str, RenderableType] = {"doing": Text(text), "": bar}
+        yield from ((name, shown.get(name, Text(""))) for name in ROWS)
         return
     iteration = current.iteration
     columns = ("-", "-", "-")

@@ -97,9 +97,9 @@ def example_checkpoint(*stages: Stage, intervals: int = 6) -> Checkpoint:
 
 def with_attempts(checkpoint: Checkpoint) -> Checkpoint:
     """The checkpoint with two attempts of a reserve, the second of which has found no flight."""
-    one = ReserveAttempt('{"probability":0.9}', 1000, 80, 20, 0.1, 0.0, 0.5, done=False)
+    one = ReserveAttempt('{"probability":0.9}', 1000, 90, 80, 20, 0.1, 1.0, 0.5, done=False)
     flown = checkpoint.with_attempt(one, ("margins.rules.floor_m=0.5",), example_result(STAGES[-1]))
-    return flown.with_attempt(dataclasses.replace(one, flights=0, outside=0, over_load=0, lift=0.0), (), None)
+    return flown.with_attempt(dataclasses.replace(one, flights=0, broken=0, outside=0, over_g=0, lift=0.0), (), None)
 
 
 def assert_same(one: object, other: object, where: str = "") -> None:

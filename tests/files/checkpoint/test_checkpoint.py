@@ -187,7 +187,7 @@ def test_attempts_of_a_reserve_are_read_back_and_are_absent_where_none_is_made(t
 
 @pytest.mark.parametrize(
     "other",
-    [{"outside": 1001}, {"over_load": -1}, {"risk": -0.1}, {"load_risk": math.inf}, {"lift": math.nan}, {"flights": 0}],
+    [{"outside": 1001}, {"over_g": -1}, {"risk": -0.1}, {"load_weight": math.inf}, {"lift": math.nan}, {"flights": 0}],
 )
 def test_attempts_that_no_search_can_have_made_are_refused(tmp_path: Path, other: dict[str, Any]) -> None:
     tried = with_attempts(example_checkpoint())

@@ -18,7 +18,7 @@ from airrace.files.inputs import load_inputs
 from airrace.flights.logs.csv_log import ColumnLayout
 from airrace.flights.logs.log_flight import LogFlight, flight_from_log
 from airrace.flights.logs.reading import read_log
-from airrace.flights.logs.violations import NONE_KNOWN, Penalties
+from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.model.track.course import geodetic
 from airrace.optimal_control.trajectory import Array
 from airrace.race import Race

@@ -14,17 +14,9 @@ from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.histories import between_samples
 from airrace.flights.logs.quality import ReceiverAccuracy
 from airrace.flights.logs.recording import Recording
-from airrace.flights.logs.violations import (
-    ENDS_RACE,
-    NONE_KNOWN,
-    NOT_KNOWN,
-    FlightErrors,
-    Penalties,
-    Violation,
-    select_violations,
-    violations,
-)
+from airrace.flights.logs.violations import NOT_KNOWN, FlightErrors, Violation, select_violations, violations
 from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing
+from airrace.flights.results.penalties import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.optimal_control.quantities import Quantity
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))

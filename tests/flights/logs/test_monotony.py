@@ -13,15 +13,9 @@ from synthetic import csv_text, fixes, imported, known
 from airrace.flights.logs.errors import CommonErrors, Receiver
 from airrace.flights.logs.log_flight import LogFlight
 from airrace.flights.logs.quality import ReceiverAccuracy
-from airrace.flights.logs.violations import (
-    ENDS_RACE,
-    FlightErrors,
-    Penalties,
-    StandardDeviations,
-    passing_windows,
-    violations,
-)
+from airrace.flights.logs.violations import FlightErrors, StandardDeviations, passing_windows, violations
 from airrace.flights.results import Flight, History, TimedCrossing, attitude
+from airrace.flights.results.penalties import ENDS_RACE, Penalties
 from airrace.model.frames import QUATERNION
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from safety_courses import inputs, loop, optimum
+from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 from scipy.special import ndtri
 
 import airrace
@@ -81,6 +81,29 @@ def test_what_cannot_be_had_is_reported_and_margins_leave_room_between_opposite_
     assert not found.reaches
     assert math.isclose(found.margins["a"], 0.2)
     assert found.risks.sum() > 0.3
+
+
+def test_a_kind_that_is_broken_more_often_than_predicted_gets_a_larger_margin() -> None:
+    load, other = replace(limit("load"), kind=LOAD), limit("other")
+    plain = allocate([load, other], {"load": 1.0, "other": 1.0}, 0.01)
+    weighted = allocate([load, other], {"load": 1.0, "other": 1.0}, 0.01, {LOAD: 5.0})
+    assert math.isclose(plain.margins["load"], plain.margins["other"])
+    assert weighted.margins["load"] > weighted.margins["other"]
+    assert weighted.risks.sum() <= 0.01
+    assert math.isclose(weighted.risks[0], 5.0 * float(load.risk(np.array(weighted.margins["load"]))))
+
+
+def test_a_passing_of_a_fixed_height_leaves_no_margin_beyond_it() -> None:
+    found = allocate([limit("a", cap=0.2), limit("b")], {}, 1e-4)
+    assert found.margins["a"] <= 0.2
+    assert not found.reaches
+    assert found.margins["b"] > 0.2
+    given = eight_inputs()
+    eight = closed_loop_of(given.race, eight_optimum(), PilotModel())
+    floors = [one for one in limits_of(given.race, eight_optimum(), eight, Scatter(), {}) if one.key == "rules.floor_m"]
+    assert floors
+    assert all(math.isclose(one.cap, 0.1) for one in floors)  # entry and exit at 80 m, the floor at 79.9 m
+    assert all(one.cap == math.inf for one in limits(Scatter()))
 
 
 def test_a_limit_that_does_not_bind_needs_no_margin_and_one_that_does_keeps_the_one_it_has() -> None:
@@ -288,8 +311,8 @@ def test_attempts_are_kept_with_the_stage_and_the_reserve_that_they_are_of() -> 
     given = with_overrides("rules.reserve.probability=0.9")
     assert given.reserve is not None
     run = new_run(given).with_stage(optimum())
-    one = ReserveAttempt(asked_text(given.reserve), 1000, 80, 20, 0.1, 0.0, 0.5, done=False)
-    none = replace(one, flights=0, outside=0, over_load=0)
+    one = ReserveAttempt(asked_text(given.reserve), 1000, 90, 80, 20, 0.1, 1.0, 0.5, done=False)
+    none = replace(one, flights=0, broken=0, outside=0, over_g=0)
     tried = run.with_attempt(one, flown()).with_attempt(none, None)
     assert [stored.attempt for stored in tried.attempts] == [one, none]
     again = tried.attempt_run(tried.attempts[0])
@@ -310,7 +333,7 @@ def test_counts_that_flights_do_not_confirm_are_refused(monkeypatch: pytest.Monk
     given = with_overrides("rules.reserve.probability=0.9", "rules.reserve.gusts=severe")
     assert given.reserve is not None
     run = new_run(given).with_stage(optimum())
-    tampered = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0.1, 0.0, 0.0, done=True)
+    tampered = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0, 0.1, 1.0, 0.0, done=True)
     with pytest.raises(CheckpointError, match="attempt 1 of 4 is not what was stored"):
         fly_reserve(run.with_attempt(tampered, flown()), given.reserve, again, threads=1)
 

@@ -1,11 +1,13 @@
 """Several runs in one call, the envelope on the map, and the document for an authority."""
 
 import hashlib
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,12 +25,13 @@ from airrace.flights.safety.monte_carlo import SafetyResult
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report import browser
 from airrace.pages.report.browser import browser_path, print_pdf
-from airrace.pages.report.document import document_page
+from airrace.pages.report.document import Document as Printed
 from airrace.pages.views.drawing import figure_address
 from airrace.pages.views.safety_views import BANDS, envelope_figure
 from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import ReplannedFlights, SafetyCase
-from airrace.runs.safety_files import NO_CROWD, ensure_safety_file, safety_document
+from airrace.runs.safety_document import NO_CROWD, CaseNotes, SimulatedRun, safety_document
+from airrace.runs.safety_files import ensure_safety_file, write_safety_file
 from airrace.runs.safety_rose import SafetyRose, fly_runs
 
 CROWD = "crowd: {stands: {polygon: [{north_m: 500, east_m: 400}, {north_m: 600, east_m: 400}, \
@@ -47,7 +50,7 @@ def flown(crowd: str = "") -> RunState:
 @cache
 def case(crowd: str = "") -> SafetyCase:
     """Few closed-loop flights of it."""
-    return flown(crowd).stage().safety(flights=FLIGHTS, threads=1, label="course.h5")
+    return flown(crowd).stage().safety(flights=FLIGHTS, threads=1, label="course.h5", falls=True)
 
 
 @pytest.fixture(scope="module")
@@ -56,21 +59,27 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown().save(tmp_path_factory.mktemp("runs") / "course.h5")
 
 
-def page_of(crowd: str = "", rose: SafetyRose | None = None, names: tuple[str, ...] = ()) -> html.HtmlElement:
+def simulated(crowd: str = "", every: SafetyCase | SafetyRose | None = None) -> SimulatedRun:
     one = flown(crowd)
-    return html.document_fromstring(safety_document(one, one.stage(), case(crowd), rose, names))
+    return SimulatedRun(one, one.stage(), case(crowd), every or case(crowd))
+
+
+def page_of(crowd: str = "", rose: SafetyRose | None = None, names: tuple[str, ...] = ()) -> html.HtmlElement:
+    return html.document_fromstring(safety_document(simulated(crowd, rose), CaseNotes(sign_for=names)).html())
 
 
 def chapters(page: html.HtmlElement) -> Mapping[str, str]:
     """The text of every chapter by its heading."""
-    return {one.findtext("h2") or "": one.text_content() for one in page.iter("section")}
+    return {(one.findtext("h2") or "").partition(" ")[2]: one.text_content() for one in page.iter("section")}
 
 
 def first_page(page: html.HtmlElement) -> str:
-    """All text before the first chapter."""
+    """All text before the second chapter; the first one holds the results in short."""
     texts: list[str] = []
+    sections = 0
     for one in page.find("body"):
-        if one.tag == "section":
+        sections += one.tag == "section"
+        if sections == 2:
             break
         texts.append(one.text_content())
     return " ".join(texts)
@@ -80,13 +89,16 @@ def test_page_holds_all_chapters_and_nothing_that_is_loaded() -> None:
     page = page_of()
     assert not [one for one in page.iter() if one.tag in ("script", "link", "iframe")]
     addresses = [value for one in page.iter() for name, value in one.items() if name in ("src", "href")]
-    assert [address.split(",")[0] for address in addresses] == ["data:image/svg+xml;base64"] * 2
+    loaded = [address.split(",")[0] for address in addresses if not address.startswith("#")]
+    assert loaded == ["data:image/svg+xml;base64"] * 3
+    headings = {one.get("id") for one in page.iter("h2")}
+    assert headings == {address[1:] for address in addresses if address.startswith("#")}
     assert list(chapters(page)) == [
-        *("Envelope", "What falls where", "Closed-loop flights", "Distances of the optimum", "Loads of the optimum"),
-        *("Falls and glides", "The optimum", "Pilot and disturbances", "What was not considered", "Inputs"),
+        *("Results in short", "Distances of all flights", "Envelope", "What falls where", "Closed-loop flights"),
+        *("Loads of the optimum", "The optimum", "Pilot and disturbances", "What was not considered", "Inputs"),
         "Files as they were read",
     ]
-    assert all(len(text) > 30 or title in ("Envelope", "What falls where") for title, text in chapters(page).items())
+    assert all(len(text) > 30 or title == "Envelope" for title, text in chapters(page).items())
 
 
 def test_first_page_says_whose_race_it_is_what_was_counted_and_that_no_crowd_is_given() -> None:
@@ -103,21 +115,22 @@ def test_first_page_says_whose_race_it_is_what_was_counted_and_that_no_crowd_is_
 def test_people_are_told_of_where_the_course_names_some() -> None:
     page = page_of(CROWD)
     assert NO_CROWD not in page.text_content()
-    assert "m from stands, required 100 m" in first_page(page)
-    assert "stands" in chapters(page)["Falls and glides"]
+    assert "crowd stands" in chapters(page)["Distances of all flights"]
+    assert "crowd stands" in chapters(page)["What falls where"]
 
 
 def test_what_is_not_certified_is_said_first() -> None:
     one = flown()
     doubtful = replace(case(), uncertified="the optimum is not certified: six-dof: it may be better")
-    page = html.document_fromstring(safety_document(one, one.stage(), doubtful))
+    page = html.document_fromstring(safety_document(SimulatedRun(one, one.stage(), doubtful, doubtful)).html())
     (known,) = page.find_class("known")
     assert "not certified: six-dof: it may be better" in known.text_content()
 
 
 def test_flights_along_replanned_lines_have_a_chapter() -> None:
     run, both = flown(), replace(case(), replanned=ReplannedFlights(0.5, case().result))
-    written = chapters(html.document_fromstring(safety_document(run, run.stage(), both)))
+    document = safety_document(SimulatedRun(run, run.stage(), both, both))
+    written = chapters(html.document_fromstring(document.html()))
     assert "replanned every 0.5 s" in written["The line replanned"]
     assert "The line replanned" not in chapters(page_of())
 
@@ -128,7 +141,11 @@ def test_a_line_with_reserve_says_so() -> None:
     overrides = ("margins.rules.floor_m=1", *(f"rules.reserve.{text}" for text in reserve))
     given = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
     one = new_run(given, None).with_stage(optimum())
-    page = html.document_fromstring(safety_document(one, one.stage(), case()))
+    of = SimulatedRun(one, one.stage(), case(), case())
+    page = html.document_fromstring(safety_document(of, CaseNotes(sign_for=("Authority",))).html())
+    assert "the fastest line with a measured reserve" in first_page(page)
+    assert "No reserve" not in page.text_content()
+    assert "asked for in light gusts and nothing else" in first_page(page)
     assert "0.52 of 1,000 measured, 0.5 asked" in first_page(page)
     assert "from 1 of its limits" in first_page(page)
     assert "margins.rules.floor_m" in chapters(page)["Inputs"]
@@ -153,14 +170,110 @@ def test_places_to_sign_are_for_whom_they_are_asked() -> None:
 
 def test_winds_are_reported_where_they_are_given() -> None:
     rose = SafetyRose("course", {Wind(0.0, 0.0): case(), Wind(90.0, 180.0): "no flight was found: too much wind"})
-    told = chapters(page_of(rose=rose))["In many winds"]
+    told = chapters(page_of(rose=rose))["In every wind and of every aircraft"]
     assert "90 kt from 180" in told
     assert "no flight was found: too much wind" in told
 
 
+def numbers_in(content: object) -> tuple[set[str], list[float]]:
+    """The number texts in all strings of an object, and all its numbers."""
+    texts, numbers = set[str](), list[float]()
+    if isinstance(content, str):
+        texts.update(NUMBER.findall(content))
+    elif isinstance(content, int | float):
+        numbers.append(float(content))
+    elif isinstance(content, Mapping | list):
+        entries: Iterable[Any] = [*content.items()] if isinstance(content, Mapping) else content
+        for entry in entries:
+            for part in entry if isinstance(entry, tuple) else (entry,):
+                more_texts, more_numbers = numbers_in(part)
+                texts |= more_texts
+                numbers += more_numbers
+    return texts, numbers
+
+
+NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]\d+)?(?!\w)")
+"""A number that is no part of a name or of a hash."""
+
+
+@pytest.mark.parametrize("crowd", ["", CROWD])
+def test_every_number_of_the_document_stands_in_its_json(crowd: str, tmp_path: Path) -> None:
+    """As a text, or as a number that is rounded to it."""
+    rose = SafetyRose(
+        "course", {Wind(0.0, 0.0): case(crowd), Wind(5.0, 90.0): case(crowd), Wind(9.0, 0.0): "no flight"}
+    )
+    of = simulated(crowd, rose)
+    page, written = html.document_fromstring(safety_document(of).html()), tmp_path / "case.json"
+    write_safety_file(written, of)
+    texts, numbers = numbers_in(json.loads(written.read_text(encoding="utf-8")))
+    known = np.unique(np.abs(numbers))
+    (nav,) = page.iter("nav")
+    nav.drop_tree()
+    cells = [" ".join(one.itertext()) for one in page.find("body").iter() if one.tag in LEAVES]
+    missing: list[str] = []
+    for cell in cells:
+        for text in NUMBER.findall(cell.replace("\N{MINUS SIGN}", "-")):
+            mantissa, _, exponent = text.partition("e")
+            near = 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+            if text not in texts and not (np.abs(known - float(text)) <= near * (1.0 + 1e-9)).any():
+                missing.append(f"{text} of {cell}")
+    assert len(cells) > 300
+    assert not missing
+
+
+LEAVES = ("td", "th", "li", "dt", "dd", "p", "pre", "h1", "h3")
+
+
+def test_least_distances_over_winds_are_the_least_of_each_and_say_where() -> None:
+    near, far = case(CROWD), case(CROWD)
+    closer = tuple(replace(one, least=one.least - 1.0) for one in near.result.distances)
+    rose = SafetyRose(
+        "c", {Wind(0.0, 0.0): far, Wind(5.0, 90.0): replace(near, result=replace(near.result, distances=closer))}
+    )
+    content = json.loads(json.dumps(safety_document(simulated(CROWD, rose), drawn=False).as_object()))
+    (short,) = (one["parts"] for one in content["chapters"] if one["title"] == "Results in short")
+    (table,) = (one for one in short if isinstance(one, dict) and one["title"].startswith("least distances"))
+    for row, thing, own in zip(table["rows"], far.result.distances, closer, strict=True):
+        assert (row[0], row[-1]) == (thing.thing.text, "5 kt from 090")
+        assert row[2] == own.least
+    (crowd, *_) = far.result.distances
+    assert crowd.nearer.of == FLIGHTS
+
+
+def test_who_signs_a_line_without_a_reserve_reads_that_above() -> None:
+    page = page_of(names=("Authority",))
+    body = page.text_content()
+    assert body.index("No reserve") < body.index("Authority")
+    assert f"{case().result.broken.flights} of {FLIGHTS} simulated flights break a rule" in body
+    assert "No reserve" not in page_of().text_content()
+
+
+def test_the_first_page_says_for_whom_when_and_where() -> None:
+    notes = CaseNotes(prepared_for="Authority of <b>air</b>", valid="2026-12-05", revision="3b")
+    page = html.document_fromstring(safety_document(simulated(), notes).html())
+    told = first_page(page)
+    for text in ("Authority of <b>air</b>", "2026-12-05", "3b", "the fastest line that was found", "Contents"):
+        assert text in told
+    gates = next(iter(page.find("body").iter("table")))
+    assert [row[0].text_content() for row in gates.find("tbody")] == ["first", "side", "last"]
+    assert "not stated" in first_page(page_of())
+
+
+def test_no_table_has_two_columns_of_one_name_or_one_without_values() -> None:
+    document = safety_document(simulated(CROWD), drawn=False).as_object()
+    tables = [part for chapter in document["chapters"] for part in chapter["parts"] if isinstance(part, dict)]  # pyright: ignore
+    tables = [table for table in tables if "columns" in table]
+    assert len(tables) > 8
+    for table in tables:
+        assert len(set(table["columns"])) == len(table["columns"]), table["columns"]
+        for number, name in enumerate(table["columns"]):
+            if table["rows"]:
+                assert any(row[number] not in (None, "") for row in table["rows"]), name
+
+
 def test_a_mark_that_css_would_not_take_is_refused() -> None:
     with pytest.raises(ValueError, match="escaped"):
-        document_page("title", [], 'run"; }')
+        Printed("title", [], [], 'run"; }').html()
 
 
 def test_sources_are_those_of_the_files() -> None:
@@ -254,7 +367,7 @@ def test_python_writes_the_same_document(stored: Path, tmp_path: Path) -> None:
     found = run.safety(flights=FLIGHTS, threads=1, output=tmp_path / "case.html")
     assert found.result.contact == case().result.contact
     written = (tmp_path / "case.html").read_text(encoding="utf-8")
-    assert written == safety_document(run, run.stage(), found)
+    assert written == safety_document(SimulatedRun(run, run.stage(), found, found)).html()
 
 
 def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
@@ -270,7 +383,7 @@ def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
     [
         (("--output", "case.txt"), ".html or .pdf for documents"),
         (("--output", "case.html", "--flights", "39"), "an envelope needs 40 flights or more, not 39"),
-        (("--output", "case.html", "OTHER"), "of one run; 2 runs are given"),
+        (("--output", "case.png", "OTHER"), "of one run; 2 runs are given"),
         (("--sign-for", "me"), "--sign-for leaves a place in a document"),
         (("--winds", "5"), "is no rose of winds"),
         (("--winds", "5kt", "--stage", "six-dof"), "exclude each other"),
@@ -313,7 +426,7 @@ def test_a_document_is_printed_on_pages(tmp_path: Path) -> None:
     except UsageError:
         pytest.skip("no browser is installed that prints")
     one = flown()
-    printed = print_pdf(safety_document(one, one.stage(), case()))
+    printed = print_pdf(safety_document(SimulatedRun(one, one.stage(), case(), case())).html())
     assert printed.startswith(b"%PDF-")
     assert 8 <= len(re.findall(rb"/Type /Page\b", printed)) <= 14
     assert set(re.findall(rb"/MediaBox \[([^]]*)\]", printed)) == {b"0 0 594.95996 841.91998"}

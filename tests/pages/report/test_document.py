@@ -5,7 +5,7 @@ from pathlib import Path
 from browser_pages import opened
 from playwright.sync_api import Browser
 
-from airrace.pages.report.document import chapter, document_page, table_block
+from airrace.pages.report.document import Chapter, Document, table_part
 from airrace.pages.views.tables import Column, Table
 
 LONG = "1:Gate_of_the_harbour_with_a_very_long_name_" + "x" * 60
@@ -24,7 +24,7 @@ def test_tables_stay_on_the_page_and_numbers_in_one_line(chromium: Browser, tmp_
     few = [Column("way", "m", ".2f"), Column("leg"), Column("remark")]
     tables = [Table("", many, rows), Table("", few, [[14.25, f"{LONG} -> {LONG}", "no flight was found " * 12]])]
     path = tmp_path / "document.html"
-    page = document_page("a document", [chapter("Tables", *map(table_block, tables))], "run 0")
+    page = Document("a document", [], [Chapter("Tables", [*map(table_part, tables)])], "run 0").html()
     path.write_text(page.replace("</body>", "<script>0</script></body>").replace("<html", '<html class="ready"'))
     one = opened(chromium, path)
     one.page.emulate_media(media="print")

@@ -1,0 +1,495 @@
+"""The safety document for an authority: what was flown, how near it comes to people, and what was not considered.
+
+All of its numbers are plain values first: `Document.as_object` returns them unrounded, and its pages show the same.
+"""
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from airrace.errors import UsageError
+from airrace.files.checkpoint import StoredDocument, inputs_hash
+from airrace.files.inputs.inputs import sources_of
+from airrace.files.inputs.variation import Variation
+from airrace.flights.results import Flight
+from airrace.flights.results.clearances import near_misses
+from airrace.flights.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
+from airrace.flights.safety.closed_loop import LOST
+from airrace.flights.safety.footprint import Footprint, Track, footprint_of
+from airrace.flights.safety.impacts import outlines_of
+from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE, Thing
+from airrace.flights.safety.monte_carlo import OVER_G, Count, Nearness, SafetyResult
+from airrace.flights.safety.over_g import LOAD_ALLOWED
+from airrace.model.track.course import geodetic
+from airrace.optimal_control.quantities import KNOT
+from airrace.pages.report.document import (
+    Chapter,
+    Document,
+    Part,
+    facts_part,
+    known_part,
+    list_part,
+    note_part,
+    picture_part,
+    signature_block,
+    table_part,
+)
+from airrace.pages.views.plain_text import escape_html
+from airrace.pages.views.safety_views import (
+    borders_table,
+    case_map,
+    envelope_figure,
+    falls_table,
+    footprint_facts,
+    footprint_figure,
+    people_table,
+)
+from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
+from airrace.pages.views.tables import Column, Table, Value
+from airrace.runs.flight_sources import claim_of
+from airrace.runs.run_state import RunState
+from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
+from airrace.runs.safety_rose import SafetyRose, SafetyRuns, cases_by_name
+from airrace.runs.stage_view import StageView
+from airrace.runs.stored_inputs import current_versions
+from airrace.runtime.standard_streams import STANDARD
+
+NOT_CONSIDERED = (
+    "The pilot is a model and no measurement of one: counts compare lines, aircraft and weather; they are no accident "
+    "statistics.",
+    "Flights begin on the line, at the first gate, with the gusts of that moment. Neither take-off, ferry flight and "
+    "landing nor what a pilot does after a mistake are in them.",
+    "Errors of the wind last for the whole flight, and the pilot does not learn from them.",
+    "Another mass leaves the moments of inertia as they are. Gusts do not roll the aircraft; the air is as coarse as "
+    "its centre of mass sees it.",
+    "A pylon is a vertical line up to its height.",
+    "Falls are those of an aircraft that is whole and uncontrolled, in the wind of the day without gusts.",
+    "Failures of structure, engine and controls, birds, other traffic, visibility and the pilot's health are in no "
+    "flight.",
+    "The ground is flat, at the height of the course's origin. Terrain, and people, buildings and obstacles that the "
+    "course does not name, were not looked at.",
+    *LIMITS_OF_CLAIM[:-1],
+)
+"""What no number of the document contains, a sentence each."""
+NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
+IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is that of the run's own wind"
+NOT_STATED = "not stated"
+_NUMBER_COLUMNS = (Column("number"), Column("value", form=".6g"), Column("unit"))
+_GATES = (
+    *(Column("gate"), Column("type"), Column("north", "m", "z.1f"), Column("east", "m", "z.1f")),
+    *(
+        Column("latitude", "deg", ".6f"),
+        Column("longitude", "deg", ".6f"),
+        Column("height", "m"),
+        Column("width", "m", ".1f"),
+    ),
+)
+GATES_BELOW_MAP, GATES_BESIDE_MAP = 8, 24
+"""The largest numbers of gates whose positions stand on the first page, below its map and beside a smaller one."""
+
+
+@dataclass(frozen=True)
+class CaseNotes:
+    """What no simulation knows of a document.
+
+    Attributes:
+        prepared_for: for whom it is made.
+        valid: for when, or until when.
+        revision: which one it is.
+        sign_for: who is to sign.
+    """
+
+    prepared_for: str = ""
+    valid: str = ""
+    revision: str = ""
+    sign_for: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRun:
+    """A run and what was simulated of it.
+
+    Attributes:
+        run, view: the run, and its stage.
+        own: the flights in the run's own wind.
+        every: of the run, of it in several winds, or of several runs; the first of these is this one.
+    """
+
+    run: RunState
+    view: StageView
+    own: SafetyCase
+    every: SafetyCase | SafetyRose | SafetyRuns
+
+
+def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: bool = True) -> Document:
+    """Return the document.
+
+    Args:
+        of: what was simulated, enough flights for an envelope, let fall.
+        notes: for whom it is, and who signs.
+        drawn: whether it has pictures.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
+    run, view, case, notes = of.run, of.view, of.own, notes or CaseNotes()
+    flight = view.flight(case.label)
+    footprint = footprint_of(flight.race, [Track.from_flight(flight)])
+    cases = cases_by_name(of.every)
+    certificate, remarks = view.certificate, [view.message] if view.message else []
+    omissions, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
+    content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
+    digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
+    gates, envelope, falls = _gates_table(flight), list[Part](), list[Part]()
+    on_first = len(gates.rows) <= GATES_BESIDE_MAP
+    course = table_part(gates) if on_first else note_part("Positions of all gates: see the chapter of that name")
+    place = [course]
+    if drawn:
+        picture = picture_part(case_map(flight), "The course from above")
+        box = '<div class="course">' if GATES_BELOW_MAP < len(gates.rows) <= GATES_BESIDE_MAP else '<div class="whole">'
+        place = [Part(f"{box}{picture.html}<div>{course.html}</div></div>", course.content)]
+        envelope = [picture_part(envelope_figure(case.result, flight), "Envelope, on the map")]
+        everywhere = outlines_of(flight.race, case.result.stretches) if case.result.stretches else ()
+        falls = [picture_part(footprint_figure(footprint, flight, everywhere), "What falls where, on the map")]
+    return Document(
+        f"Safety case: {flight.course.name}",
+        [*_first_page(of, notes, flight), *place],
+        [
+            Chapter("Results in short", [*_in_short(of, flight, omissions), *_signatures(of, notes)], new_page=True),
+            Chapter("Positions of all gates", [] if on_first else [table_part(gates)]),
+            Chapter("Distances of all flights", list(_distances(cases, flight))),
+            Chapter("Envelope", envelope, new_page=True),
+            Chapter("What falls where", [*falls, *_falls(cases, footprint, flight)], new_page=True),
+            Chapter("Closed-loop flights", list(_closed_loop(case))),
+            Chapter("The line replanned", [table_part(replace(case.lines_table(), title=""))] if case.replanned else []),
+            Chapter("In every wind and of every aircraft", list(_every(of.every))),
+            Chapter("Loads of the optimum", [table_part(_loads_table(flight))]),
+            Chapter(
+                "The optimum",
+                [table_part(certificate_table(certificate, "Certificate", remarks))] if certificate else [],
+            ),
+            Chapter("Pilot and disturbances", [table_part(_assumptions(case.result))]),
+            Chapter("What was not considered", [list_part([*omissions, *NOT_CONSIDERED])]),
+            Chapter("Inputs", list(_inputs(run, digest if content else ""))),
+            Chapter(
+                "Files as they were read",
+                [
+                    Part(f"<h3>{what}</h3><pre>{escape_html(document.text)}</pre>", {what: document.text})
+                    for what, document in documents
+                ],
+            ),
+        ],
+        mark=f"run {digest[:16]}",
+    )
+
+
+def _first_page(of: SimulatedRun, notes: CaseNotes, flight: Flight) -> Iterator[Part]:
+    """Yield what flight it is, for whom, and until when."""
+    run, view, title = of.run, of.view, flight.course.name
+    every = of.every.aircraft.values() if isinstance(of.every, SafetyRuns) else ()
+    aircraft = dict.fromkeys([flight.aircraft.name, *every])
+    line = f"{_line_text(run)}; {flight.race_time:.3f} s, {view.name}, {claim_of(run, view) or view.status}"
+    yield Part(f'<p class="kicker">Safety case</p><h1>{escape_html(title)}</h1>', title)
+    yield facts_part(
+        [
+            ("flight", line),
+            ("reserve", _reserve_text(run, view)),
+            ("margins", f"from {len(run.inputs.margins)} of its limits" if run.inputs.margins else ""),
+            ("aircraft", ", ".join(aircraft)),
+            ("air", view.stamp.air),
+            ("pilot's limits", view.stamp.entries().get("pilot's limits", "")),
+            ("simulated", _simulated_text(of)),
+            ("for", notes.prepared_for or NOT_STATED),
+            ("valid", notes.valid or f"{NOT_STATED}; for this course, these aircraft and winds alone"),
+            ("revision", notes.revision or NOT_STATED),
+            ("run", run.label),
+            ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
+        ]
+    )
+
+
+def has_reserve(run: RunState) -> bool:
+    """Return whether the line of a run keeps a reserve that was measured along it."""
+    reserve = run.inputs.reserve
+    return reserve is not None and reserve.found is not None and reserve.found.reached and not reserve.found.source
+
+
+def _line_text(run: RunState) -> str:
+    """Return what line it is."""
+    if has_reserve(run):
+        return "the fastest line with a measured reserve"
+    return "the fastest line with margins" if run.inputs.margins else "the fastest line that was found"
+
+
+def _reserve_text(run: RunState, view: StageView) -> str:
+    """Return the reserve of a line, and in which disturbances it was measured."""
+    reserve = run.inputs.reserve
+    if reserve is None:
+        return view.stamp.reserve_text or "none"
+    errors = {
+        f"wind {reserve.wind_error_kt:g} kt": reserve.wind_error_kt,
+        f"mass {reserve.mass_error_percent:g} %": reserve.mass_error_percent,
+        f"power {reserve.power_error_percent:g} %": reserve.power_error_percent,
+        f"density {reserve.density_error_percent:g} %": reserve.density_error_percent,
+        f"rolls {1000.0 * reserve.roll_timing_s:g} ms": reserve.roll_timing_s,
+    }
+    texts = [text for text, error in errors.items() if error]
+    disturbances = f"errors of {', '.join(texts)}" if texts else "nothing else"
+    loads = "" if reserve.load_factor else "; over-g is not in it"
+    return f"{view.stamp.reserve_text}; asked for in {reserve.gusts} gusts and {disturbances}{loads}"
+
+
+def _simulated_text(of: SimulatedRun) -> str:
+    """Return how much was simulated."""
+    cases = {name: case for name, case in cases_by_name(of.every).items() if isinstance(case, SafetyCase)}
+    flights, gusts = sum(case.result.flights for case in cases.values()), of.own.result.scatter.gusts.value
+    several = f" in {len(cases)} cases ({'; '.join(cases)})" if len(cases) > 1 else ""
+    return f"{flights} closed-loop flights{several}, gusts: {gusts}"
+
+
+def _gates_table(flight: Flight) -> Table:
+    """Return where every gate stands, each once."""
+    course, rows = flight.course, list[list[Value]]()
+    for element in {passage.element.name: passage.element for passage in course.passages}.values():
+        north, east = element.place or (None, None)
+        latitude = longitude = None
+        if north is not None and east is not None and course.origin.has_coordinates:
+            angles = geodetic(np.array([north]), np.array([east]), course.origin)
+            latitude, longitude = (math.degrees(float(angle[0])) for angle in angles)
+        heights = element.heights
+        height = f"{heights.lower:g} to {heights.upper:g}" if math.isfinite(heights.lower + heights.upper) else ""
+        width = getattr(element, "width", None)
+        rows.append([element.name, element.type_name, north, east, latitude, longitude, height, width])
+    return Table("Gates", _GATES, rows)
+
+
+def _signatures(of: SimulatedRun, notes: CaseNotes) -> Iterator[Part]:
+    """Yield places to sign, below what has to be known of the line."""
+    if not notes.sign_for:
+        return
+    if not has_reserve(of.run):
+        broken, reserve = of.own.result.broken, of.run.inputs.reserve
+        asked = "" if reserve is None else f" ({of.view.stamp.reserve_text})"
+        yield known_part(
+            "No reserve",
+            [
+                f"This line has no measured reserve{asked}: it touches its limits, and {broken.flights} of {broken.of} "
+                "simulated flights break a rule. It shows where a reserve is needed, and is no flight to be flown"
+            ],
+        )
+    yield Part(signature_block(notes.sign_for), list(notes.sign_for))
+
+
+def _in_short(of: SimulatedRun, flight: Flight, omissions: Sequence[str]) -> Iterator[Part]:
+    """Yield what has to be known first, and the results that matter most, in words."""
+    case, result = of.own, of.own.result
+    first = [*filter(None, (case.uncertified, result.note)), *omissions]
+    for near_miss in near_misses(flight):
+        distance = f"{near_miss.clearance.name} at {near_miss.clearance.distance:.2f} m"
+        first.append(f"The optimum itself passes {distance}, {near_miss.where}")
+    first += [f"Sustained load: {load.text}" for load in sustained_loads(flight)]
+    yield known_part("To be known first", first)
+
+    def share(count: Count) -> str:
+        interval = f"{100.0 * count.lower:.2f} to {100.0 * count.upper:.2f} %"
+        return f"{count.flights} of {count.of} flights; {interval} (confidence 95 %)"
+
+    rows = [
+        ("touch a pylon or the ground, miss a gate or lose the line", share(result.contact)),
+        ("break any rule", share(result.broken)),
+        ("below the floor", share(result.counts["floor"])),
+        (f"over-g: {result.load_rule.text}", share(result.counts[OVER_G])),
+    ]
+    if flight.course.crowd:
+        rows.insert(2, ("too near to the crowd", share(result.counts["crowd"])))
+    if result.counts["safety line"].of and flight.course.safety_lines:
+        rows.insert(-2, ("across a safety line", share(result.counts["safety line"])))
+    yield table_part(
+        Table(f"Of {flight.aircraft.name}, {of.view.stamp.air}", (Column("what"), Column("how many")), rows)
+    )
+    cases = cases_by_name(of.every)
+    over = "all winds and aircraft" if len(cases) > 1 else "all flights"
+    yield table_part(_nearest_table(cases, f"least distances, {over}"))
+    yield table_part(_impacts_table(cases, f"impacts of falls, {over}"))
+    yield note_part(
+        "All of this is computed, by models whose numbers, sources and limits stand below. It is no permission, and no "
+        "formula of an authority."
+    )
+
+
+def _worst(
+    cases: Mapping[str, SafetyCase | str], *, impacts: bool
+) -> Iterator[tuple[Thing, str, Nearness, float, int, int]]:
+    """Yield for every thing where flights of all cases come nearest to it, the least that 99.7 % keep in any case, and
+    how many of all flights come too near."""
+    by_thing: dict[str, list[tuple[str, Nearness]]] = {}
+    for name, case in cases.items():
+        if isinstance(case, SafetyCase):
+            for nearness in case.result.impacts if impacts else case.result.distances:
+                by_thing.setdefault(nearness.thing.text, []).append((name, nearness))
+    for nearnesses in by_thing.values():
+        name, nearest = min(nearnesses, key=lambda item: item[1].least)
+        kept = [nearness.kept for _, nearness in nearnesses if math.isfinite(nearness.kept)]
+        counts = [nearness.nearer for _, nearness in nearnesses]
+        too_near, of = sum(count.flights for count in counts), sum(count.of for count in counts)
+        yield nearest.thing, name, nearest, min(kept, default=math.nan), too_near, of
+
+
+def _nearest_table(cases: Mapping[str, SafetyCase | str], title: str) -> Table:
+    columns = (
+        *(Column("from"), Column("asked", "m", ".1f"), Column("least", "m", "z.1f")),
+        *(Column("99.7 % keep", "m", "z.1f"), Column("too near", form="d"), Column("of", form="d"), Column("nearest")),
+    )
+    rows: list[tuple[str, float, float, float, int, int, str]] = [
+        (thing.text, thing.required, nearest.least, kept, too_near, of, name)
+        for thing, name, nearest, kept, too_near, of in _worst(cases, impacts=False)
+    ]
+    several = len(cases) > 1 and any(math.isfinite(row[3]) for row in rows)
+    return Table(title, columns, rows, ["99.7 % keep: in the case in which that is least"] if several else [])
+
+
+def _impacts_table(cases: Mapping[str, SafetyCase | str], title: str) -> Table:
+    columns = (
+        *(Column("impacts and"), Column("nearest", "m", "z.1f"), Column("99.7 % keep", "m", "z.1f")),
+        *(Column("hit or beyond", form="d"), Column("of", form="d"), Column("in")),
+    )
+    rows = [
+        [thing.text, nearest.least, kept, too_near, of, name]
+        for thing, name, nearest, kept, too_near, of in _worst(cases, impacts=True)
+    ]
+    note = "from every tenth of a second of every flight; 0: on people; negative: beyond the line or border"
+    return Table(title, columns, rows, [note] if rows else [])
+
+
+def _closed_loop(case: SafetyCase) -> Iterator[Part]:
+    counts = case.counts_table()
+    yield table_part(replace(counts, title="What the flights break", notes=counts.notes[:2]))
+    columns = (replace(COUNTS[0], name="pylon"), *COUNTS[1:], Column("nearest", "m", "z.2f"))
+    rows = [
+        [*count_row(name, count), least]
+        for name, (count, least) in case.result.pylons.items()
+        if not name.startswith("obstacle ")  # they stand among the distances
+    ]
+    yield table_part(Table("Flights that touch each pylon, and the least distance of any wing", columns, rows))
+    yield table_part(case.gates_table())
+    yield table_part(case.legs_table())
+
+
+def _distances(cases: Mapping[str, SafetyCase | str], flight: Flight) -> Iterator[Part]:
+    for name, case in cases.items():
+        if isinstance(case, SafetyCase):
+            table = case.distances_table()
+            title = f"All flights, {name}" if len(cases) > 1 else table.title
+            yield table_part(replace(table, title=title, notes=table.notes if name == next(iter(cases)) else ()))
+    note = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
+    yield table_part(distance_table(flight, "Of the optimum alone", notes=[note]))
+    course = flight.course
+    kinds = (course.crowd, course.safety_lines, course.obstacles, course.airspace)
+    missing = [
+        name for name, count in zip(("crowd", "safety line", "obstacle", "airspace"), kinds, strict=True) if not count
+    ]
+    if missing:
+        yield note_part(f"The course names no {', no '.join(missing)}.")
+
+
+def _every(every: SafetyCase | SafetyRose | SafetyRuns) -> Iterator[Part]:
+    if not isinstance(every, SafetyCase):
+        yield table_part(replace(every.table(), title="", notes=[IN_WINDS]))
+
+
+def _loads_table(flight: Flight) -> Table:
+    rows: list[list[Value]] = []
+    for level, tolerated in TOLERATED_LOADS:
+        begin, duration = longest_stretch(flight.time, math.copysign(1.0, level) * flight["n_z"], abs(level))
+        text = f"{level:g} g or {'more' if level > 0.0 else 'less'}"
+        rows.append([text, duration, begin if duration else math.nan, tolerated])
+    heads = (("longest", ".2f"), ("from", ".2f"), ("tolerated", "g"))
+    columns = (Column("load factor"), *(Column(name, "s", form) for name, form in heads))
+    n_z, allowed = flight["n_z"], flight.limit("n_z")
+    note = (
+        f"The load factor is {n_z.min():.2f} to {n_z.max():.2f} g; the limits are {allowed.lower:g} to "
+        f"{allowed.upper:g} g. Durations that experienced persons tolerate: S. R. Mohler, G effects on the pilot "
+        f"during aerobatics, {LOADS_SOURCE}, July 1972."
+    )
+    return Table("How long load factors are sustained", columns, rows, [note])
+
+
+def _falls(cases: Mapping[str, SafetyCase | str], footprint: Footprint, flight: Flight) -> Iterator[Part]:
+    for name, case in cases.items():
+        if isinstance(case, SafetyCase) and case.result.impacts:
+            table = case.impacts_table()
+            notes = table.notes if name == next(iter(cases)) else ()
+            yield table_part(replace(table, title=f"All flights, {name}", notes=notes))
+    yield table_part(replace(falls_table(footprint, flight), title="The longest ways over ground, of the optimum"))
+    people, borders = people_table(footprint, flight), borders_table(footprint, flight)
+    yield table_part(replace(people, title="Impacts of the optimum and people"))
+    if borders.rows:
+        yield table_part(replace(borders, title="Impacts of the optimum, lines and border"))
+    yield list_part(footprint_facts(footprint, flight))
+
+
+def _assumptions(result: SafetyResult) -> Table:
+    """Return who flew in what, and where that comes from."""
+    scatter, pilot, chosen = result.scatter, result.pilot, "standard deviation, chosen for this case"
+    gusts = f"{scatter.gusts.value}, wind of {scatter.gusts.wind_at_20_ft / KNOT:.0f} kt at 20 ft"
+    beyond = f"{LENGTH_ALLOWED:g} m, {math.degrees(ANGLE_ALLOWED):.1f} deg, {SPEED_ALLOWED / KNOT:.0f} kt"
+    model = "model of Kleinman, Baron and Levison (1970), Automatica 6, 357-369; weights are a judgement"
+    rows: list[tuple[str, str, str]] = [
+        ("pilot", "optimal regulator behind a delay, with prediction", model),
+        ("delay of the pilot", f"{pilot.delay:g} s", "McRuer and Jex (1967), IEEE HFE-8, 231-249: 0.1 to 0.2 s"),
+        ("deviation corrected hardest", f"{pilot.urgent:g} m", "judgement"),
+        ("lost", f"{LOST:g} m off the line", "judgement"),
+        ("gusts", gusts, "Dryden at low altitude, MIL-F-8785C (1980), 3.7.3"),
+        ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", chosen),
+        ("mass", f"{100.0 * scatter.mass:.3g} %", chosen),
+        ("power", f"{100.0 * scatter.power:.3g} %", chosen),
+        ("density of the air", f"{100.0 * scatter.density:.3g} %", chosen),
+        ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", chosen),
+        ("not counted beyond a limit", f"{beyond}, {LOAD_ALLOWED:g} g", "judgement: an optimum lies on its limits"),
+        ("a touch", f"within {TOUCH_DISTANCE:g} m of a pylon's line", "judgement"),
+        ("flights, seed", f"{result.flights}, {result.seed}", "the same seed gives the same flights"),
+        ("intervals", "confidence 95 %", "Clopper and Pearson (1934)"),
+    ]
+    return Table("", (Column("what"), Column("value"), Column("source")), rows)
+
+
+def _inputs(run: RunState, digest: str) -> Iterator[Part]:
+    """Yield what went in: files with their hashes, versions, sources, and the numbers of rules, air and aircraft."""
+    stored_inputs = run.checkpoint.inputs
+    files = [(f"run {run.label}", digest)] if digest else []
+    for what, document in _documents(run):
+        files.append((f"{what} {Path(document.path).name}", hashlib.sha256(document.text.encode()).hexdigest()))
+    files.append(("resolved configuration", inputs_hash(stored_inputs.resolved)))
+    columns = (Column("what"), Column("SHA-256"))
+    yield table_part(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
+    versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
+    yield facts_part(
+        [
+            ("set by hand", ", ".join(run.inputs.overrides) or "nothing"),
+            *(
+                (what, ", ".join(f"{name} {version}" for name, version in packages.items()))
+                for what, packages in versions.items()
+            ),
+        ]
+    )
+    yield table_part(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources_of(run.inputs)))
+    try:
+        numbers = Variation(run.inputs).parameters.values()
+    except UsageError as error:
+        yield list_part([str(error)])
+        return
+    rules = ("rules", "gate_defaults", "margins", "environment")
+    for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
+        rows = [(number.key, number.value, number.unit) for number in numbers if number.key.partition(".")[0] in groups]
+        yield table_part(Table(title, _NUMBER_COLUMNS, rows), columns=True)
+
+
+def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:
+    stored_inputs = run.checkpoint.inputs
+    documents = {"track": stored_inputs.track, "aircraft": stored_inputs.aircraft, "settings": stored_inputs.settings}
+    return [(what, document) for what, document in documents.items() if document is not None]
