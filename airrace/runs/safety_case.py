@@ -334,7 +334,7 @@ def fly_safety_case(
         delay: of the pilot, s.
         replan: the time between two lines, s, and the settings by which the race is solved, to fly the same flights
             with the line replanned as well; None to leave that.
-        penalties, falls, watch, until: likewise.
+        penalties, falls, watch, until: likewise; replanned flights are told by themselves.
 
     Raises:
         UsageError: an argument is out of range, or the stage is none that could be simulated.

@@ -166,7 +166,9 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
             Chapter("Envelope", envelope, new_page=True),
             Chapter("What falls where", [*falls, *_falls(cases, footprint, flight)], new_page=True),
             Chapter("Closed-loop flights", list(_closed_loop(case))),
-            Chapter("The line replanned", [table_part(replace(case.lines_table(), title=""))] if case.replanned else []),
+            Chapter(
+                "The line replanned", [table_part(replace(case.lines_table(), title=""))] if case.replanned else []
+            ),
             Chapter("In every wind and of every aircraft", list(_every(of.every))),
             Chapter("Loads of the optimum", [table_part(_loads_table(flight))]),
             Chapter(
