@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, Union
 from airrace import options
 from airrace.api.flights import AnyFlight
 from airrace.api.optimize import optimize
-from airrace.flights.safety.disturbances import (
-    DENSITY_ERROR_PERCENT,
-    MASS_ERROR_PERCENT,
-    PILOT_DELAY,
-    POWER_ERROR_PERCENT,
-    ROLL_TIMING,
-    WIND_ERROR_KT,
-    Gusts,
-)
+from airrace.flights.safety.disturbances import Disturbances, Gusts
 from airrace.options import Option
 
 if TYPE_CHECKING:
@@ -34,21 +26,24 @@ class SafetyOptions(TypedDict, total=False):
     """The flights, the disturbances and the pilot of `airrace.api.safety.safety`, where they are passed on."""
 
     flights: int
-    gusts: str
-    wind_error_kt: float
-    mass_error_percent: float
-    power_error_percent: float
-    density_error_percent: float
-    roll_timing_s: float
-    delay_s: float
+    gusts: str | None
+    wind_error_kt: float | None
+    mass_error_percent: float | None
+    power_error_percent: float | None
+    density_error_percent: float | None
+    roll_timing_s: float | None
+    delay_s: float | None
     seed: int
     threads: int | None
     replan_s: float | None
     falls: bool
 
 
-def _percent(name: str, what: str) -> Option:
-    return Option(f"Standard deviation of the {what}.", "PERCENT", flags=(name,))
+def _disturbance(name: str, flag: str, unit: str, text: str) -> Option:
+    """Return the option of a disturbance, which is by default that of the run's reserve."""
+    return Option(
+        f"{text}; by default that of the run's reserve, else {getattr(Disturbances(), name)}.", unit, flags=(flag,)
+    )
 
 
 def safety(
@@ -65,19 +60,36 @@ def safety(
     ] = (),
     stage: options.Stage = None,
     flights: Annotated[int, Option("How many flights.", "N")] = 1000,
-    gusts: Annotated[str | Gusts, Option("Turbulence of MIL-F-8785C.")] = Gusts.LIGHT,
+    gusts: Annotated[
+        str | Gusts | None, _disturbance("gusts", "--gusts", "none|light|moderate|severe", "Turbulence of MIL-F-8785C")
+    ] = None,
     wind_error_kt: Annotated[
-        float, Option("Standard deviation of the wind to the north and to the east.", "KT", flags=("--wind-error",))
-    ] = WIND_ERROR_KT,
-    mass_error_percent: Annotated[float, _percent("--mass-error", "mass")] = MASS_ERROR_PERCENT,
-    power_error_percent: Annotated[float, _percent("--power-error", "power")] = POWER_ERROR_PERCENT,
-    density_error_percent: Annotated[float, _percent("--density-error", "air's density")] = DENSITY_ERROR_PERCENT,
+        float | None,
+        _disturbance(
+            "wind_error_kt", "--wind-error", "KT", "Standard deviation of the wind to the north and to the east"
+        ),
+    ] = None,
+    mass_error_percent: Annotated[
+        float | None,
+        _disturbance("mass_error_percent", "--mass-error", "PERCENT", "Standard deviation of the mass"),
+    ] = None,
+    power_error_percent: Annotated[
+        float | None,
+        _disturbance("power_error_percent", "--power-error", "PERCENT", "Standard deviation of the power"),
+    ] = None,
+    density_error_percent: Annotated[
+        float | None,
+        _disturbance("density_error_percent", "--density-error", "PERCENT", "Standard deviation of the air's density"),
+    ] = None,
     roll_timing_s: Annotated[
-        float, Option("Standard deviation of the time by which rolls are late or early.", "S", flags=("--roll-timing",))
-    ] = ROLL_TIMING,
+        float | None,
+        _disturbance(
+            "roll_timing_s", "--roll-timing", "S", "Standard deviation of the time by which rolls are late or early"
+        ),
+    ] = None,
     delay_s: Annotated[
-        float, Option("From what the pilot sees to the stick that moves.", "S", flags=("--delay",))
-    ] = PILOT_DELAY,
+        float | None, _disturbance("delay_s", "--delay", "S", "From what the pilot sees to the stick that moves")
+    ] = None,
     seed: Annotated[int, Option("Of all flights; the same seed, the same flights.", "N")] = 0,
     replan_s: Annotated[
         float | None,

@@ -16,14 +16,7 @@ from airrace.flights.results import Flight, Source, Verification, flight_of
 from airrace.flights.results.clearances import distance_columns, with_distances
 from airrace.flights.results.derivation import table_columns
 from airrace.flights.results.stamp import Stamp
-from airrace.flights.safety.disturbances import (
-    DENSITY_ERROR_PERCENT,
-    MASS_ERROR_PERCENT,
-    PILOT_DELAY,
-    POWER_ERROR_PERCENT,
-    ROLL_TIMING,
-    WIND_ERROR_KT,
-)
+from airrace.flights.safety.disturbances import Disturbances
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.trajectory import Trajectory
 from airrace.pages.views.map_model import by_speed, map_model
@@ -328,13 +321,13 @@ class StageView:
         self,
         *,
         flights: int = 1000,
-        gusts: str = "light",
-        wind_error_kt: float = WIND_ERROR_KT,
-        mass_error_percent: float = MASS_ERROR_PERCENT,
-        power_error_percent: float = POWER_ERROR_PERCENT,
-        density_error_percent: float = DENSITY_ERROR_PERCENT,
-        roll_timing_s: float = ROLL_TIMING,
-        delay_s: float = PILOT_DELAY,
+        gusts: str | None = None,
+        wind_error_kt: float | None = None,
+        mass_error_percent: float | None = None,
+        power_error_percent: float | None = None,
+        density_error_percent: float | None = None,
+        roll_timing_s: float | None = None,
+        delay_s: float | None = None,
         seed: int = 0,
         threads: int | None = None,
         label: str | None = None,
@@ -361,6 +354,9 @@ class StageView:
             watch: is told how many flights are flown, of how many, and how many of these break a rule.
             until: the time of the monotonic clock, s, at which flights end; those that are flown count.
 
+        Disturbances that are None are those that the run's reserve was asked for in; without a reserve the defaults
+        of `Disturbances`.
+
         Raises:
             UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
             SolverCrash: a solver process died.
@@ -368,7 +364,20 @@ class StageView:
         from airrace.flights.safety.monte_carlo import unwatched  # takes what flies, likewise
         from airrace.runs.safety_case import fly_safety_case
 
-        errors = (wind_error_kt, mass_error_percent, power_error_percent, density_error_percent, roll_timing_s)
+        named = {
+            "gusts": gusts,
+            "wind_error_kt": wind_error_kt,
+            "mass_error_percent": mass_error_percent,
+            "power_error_percent": power_error_percent,
+            "density_error_percent": density_error_percent,
+            "roll_timing_s": roll_timing_s,
+            "delay_s": delay_s,
+        }
+        usual, reserve = Disturbances(), self.inputs.reserve
+        if reserve is not None:
+            usual = Disturbances(**{name: getattr(reserve, name) for name in named})
+        chosen = replace(usual, **{name: value for name, value in named.items() if value is not None})
+        percents = chosen.mass_error_percent, chosen.power_error_percent, chosen.density_error_percent
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
         result = downgrade_stale(self.result, self.stale)
         return fly_safety_case(
@@ -376,9 +385,9 @@ class StageView:
             result,
             name,
             flights,
-            gusts,
-            errors,
-            delay=delay_s,
+            chosen.gusts,
+            (chosen.wind_error_kt, *percents, chosen.roll_timing_s),
+            delay=chosen.delay_s,
             seed=seed,
             threads=threads,
             replan=None if replan_s is None else (replan_s, self.inputs.settings),

@@ -37,6 +37,22 @@ class Gusts(StrEnum):
 
 
 @dataclass(frozen=True)
+class Disturbances:
+    """All that disturbs a flight, by the names and in the units of options and of `rules.reserve`.
+
+    The defaults are those of a run without a reserve.
+    """
+
+    gusts: str = Gusts.LIGHT.value
+    wind_error_kt: float = WIND_ERROR_KT
+    mass_error_percent: float = MASS_ERROR_PERCENT
+    power_error_percent: float = POWER_ERROR_PERCENT
+    density_error_percent: float = DENSITY_ERROR_PERCENT
+    roll_timing_s: float = ROLL_TIMING
+    delay_s: float = PILOT_DELAY
+
+
+@dataclass(frozen=True)
 class Scatter:
     """The standard deviations of what is not as it was when the race was optimised, and the gusts.
 

@@ -21,6 +21,7 @@ from airrace.errors import StorageError, UsageError
 from airrace.files.inputs import Document, inputs_from_documents, load_inputs
 from airrace.files.inputs.air import Wind
 from airrace.files.inputs.inputs import sources_of
+from airrace.flights.safety.disturbances import Scatter
 from airrace.flights.safety.monte_carlo import SafetyResult
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report import browser
@@ -133,6 +134,18 @@ def test_flights_along_replanned_lines_have_a_chapter() -> None:
     written = chapters(html.document_fromstring(document.html()))
     assert "replanned every 0.5 s" in written["The line replanned"]
     assert "The line replanned" not in chapters(page_of())
+
+
+def test_a_run_with_reserve_is_flown_in_the_disturbances_of_that_reserve_unless_others_are_named() -> None:
+    overrides = ("rules.reserve.probability=0.5", "rules.reserve.gusts=none", "rules.reserve.mass_error_percent=3")
+    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
+    stage = new_run(inputs_, None).with_stage(optimum()).stage()
+    scatter = stage.safety(flights=1, threads=1).result.scatter
+    assert (scatter.gusts, scatter.wind, scatter.mass, scatter.timing) == ("none", 0.0, 0.03, 0.0)
+    named = stage.safety(flights=1, threads=1, mass_error_percent=0.0, roll_timing_s=0.01).result.scatter
+    assert (named.gusts, named.mass, named.timing) == ("none", 0.0, 0.01)
+    without = flown().stage().safety(flights=1, threads=1).result
+    assert (without.scatter, without.pilot.delay) == (Scatter(), 0.1)
 
 
 def test_a_line_with_reserve_says_so() -> None:
