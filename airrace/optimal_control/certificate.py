@@ -5,12 +5,23 @@ A result is certified only if every item holds and one of them compares it with 
 
 import math
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
 
 RACE_TIME_CHANGE = "race_time_change"
 """The item that compares a race time with that on a coarser mesh: without it nothing is known of what the mesh does."""
 HAMILTONIAN_DRIFT = "hamiltonian_drift"
 """The item of the Hamiltonian's distance from -1, which only a good mesh keeps: a rough optimum goes without."""
+
+
+class RefinementReason(IntEnum):
+    """The reason for an interval's length: what its mesh was last made coarser or finer for."""
+
+    FIRST = 0
+    CALM = 1
+    INTEGRATION = 2
+    LIMITS = 3
+    HAMILTONIAN = 4
+    RACE_TIME = 5
 
 
 class Curvature(Enum):
