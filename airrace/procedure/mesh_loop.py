@@ -31,7 +31,7 @@ from airrace.optimal_control.mesh_refinement import Marks, restrict, transfer_mu
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.procedure.certification import (
     ROUGH_TOLERANCE,
     approaches,
@@ -68,7 +68,7 @@ class Failure:
     """
 
     start: Start
-    solution: Solution | None
+    solution: ProgramSolution | None
     coarser: MeshSolution | None = None
 
 
@@ -180,7 +180,7 @@ class SolvedMesh:
 
     session: SolverSession
     task: MeshTask
-    solution: Solution
+    solution: ProgramSolution
     optimum: MeshSolution
 
     @property

@@ -2,7 +2,7 @@
 
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.system import system_of
 
 exactly = Interval.exactly
