@@ -13,7 +13,9 @@ import goddard_rocket
 import hang_glider
 import hanging_chain
 import heated_shuttle
+import least_time_turn
 import level_turn
+import limited_rocket
 import lofted_rocket
 import moon_lander
 import numpy as np
@@ -51,6 +53,8 @@ PROBLEMS = (
     fuller,
     moon_lander,
     quadrotor,
+    least_time_turn,
+    limited_rocket,
 )
 
 
