@@ -29,7 +29,7 @@ from airrace.optimal_control.quantities import Interval, Quantity, Scalar
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 from airrace.optimal_control.system import SYMBOLS, Observation, System, column
 
-INTEGRAL_COST, END_COST, TIME = "integral_cost", "end_cost", "time"
+INTEGRAL_COST, END_COST, CLOCK = "integral_cost", "end_cost", "clock"
 """The names of the state that integrates a cost, of the cost of the ends of phases, and of a clock's state."""
 
 Range: TypeAlias = float | Interval | tuple[float | None, float | None]
@@ -85,8 +85,8 @@ def define_problem(
             boundaries may bound those that depend on x alone.
         time_cost: weight of the final time, per s; by default 1 if there is no other cost, else 0.
         integral_cost: the integrand, of x and u.
-        end_cost: maps the states at the start and at the ends of all phases (n + 1, each before any jump; with `time`,
-            s from the start) to a cost.
+        end_cost: maps the states at the start and at the ends of all phases (n + 1, each before any jump; their `clock`
+            is the time since the start, s) to a cost.
         cost_scale: typical size of the integral.
         scheme: integrates an interval.
         time_scale: typical duration of a phase, s.
@@ -170,18 +170,18 @@ class _Definition:
 
     def carried_cost(self, end_cost: Callable[[Sequence[Any]], Scalar], phases: int) -> Scalar:
         """Return a cost of the ends of phases in terms of the final state, with states that carry the earlier ones."""
-        visible = [*self._own, *self._constant, *({TIME} - self._own)]
+        visible = [*self._own, *self._constant, *({CLOCK} - self._own)]
         ends = [{name: ca.SX.sym(f"{name}_{number}") for name in visible} for number in range(phases + 1)]
         cost = ca.SX(end_cost([SimpleNamespace(**end) for end in ends]))
         used = [[name for name, symbol in end.items() if ca.depends_on(cost, symbol)] for end in ends]
-        if TIME not in self._own and any(TIME in names for names in used[1:]):
-            self.add_state(Quantity(TIME, "s", text="time since the start"), 1.0, begin=0.0)
+        if CLOCK not in self._own and any(CLOCK in names for names in used[1:]):
+            self.add_state(Quantity(CLOCK, "s", text="time since the start"), 1.0, begin=0.0)
         declared = {quantity.name: quantity for quantity in self._states}
         for number, names in enumerate(used):
             for name in names:
                 if number == phases or name in self._constant:
                     final: Scalar = self._symbols[name]
-                elif name == TIME and number == 0 and TIME not in self._own:
+                elif name == CLOCK and number == 0 and CLOCK not in self._own:
                     final = ca.SX(0.0)
                 else:
                     place = f"the end of phase {number}" if number else "the start"

@@ -16,6 +16,7 @@ import numpy as np
 from airrace.optimal_control import solution_file, solution_views
 from airrace.optimal_control.certificate import OBJECTIVE_CHANGE, Certificate, Curvature
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.multipliers import multipliers_of
 from airrace.optimal_control.optimality import costates, hamiltonian
 from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.quantities import Quantity
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
-
-DURATION = "duration"
-"""The name under which the multipliers of the ranges of durations are asked for."""
 
 
 @dataclass(frozen=True)
@@ -203,23 +201,7 @@ class Solution(ProgramSolution):
         Raises:
             KeyError: nothing has this name.
         """
-        layout, system = self.layout, self.problem.system
-        bounds = self.multipliers.bounds / layout.scale
-        for index, quantities in ((layout.state_index, system.states), (layout.control_index, system.controls)):
-            for column, quantity in enumerate(quantities):
-                if quantity.name == name:
-                    return bounds[index[:, column]]
-        if name == DURATION:
-            return bounds[layout.phase_durations]
-        seen = [quantity.name for observation in self.problem.observations for quantity in observation.quantities]
-        names = [*(quantity.name for quantity in system.path), *seen]
-        if name not in names:
-            raise KeyError(f"nothing is called {name!r} that could be limited")
-        rows = layout.rows
-        own = np.array([limit.quantity.name == name for limit in rows.limits], dtype=np.bool_)
-        picked = own[rows.number] if len(own) else np.zeros(0, dtype=np.bool_)
-        values = self.multipliers.constraints[layout.row_index] / rows.scale
-        return np.bincount(rows.node[picked], weights=values[picked], minlength=layout.intervals + 1).astype(np.float64)
+        return multipliers_of(self.layout, self.multipliers, name)
 
     @cached_property
     def layout(self) -> Layout:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.layout import narrow_range
+from airrace.optimal_control.multipliers import dual_variables
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array
 from airrace.runtime.resources import extra
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
 
     from airrace.optimal_control.solution import Solution
 
-COSTATE_SIGN = "by how much the objective grows with one unit more of the state"
-MULTIPLIER_SIGN = "positive at an upper bound, negative at a lower one; minus what the objective changes by per unit"
+DIMENSIONS = {"node": "time", "interval": "interval_time", "interval_end": "interval_end", "phase": "phase_number"}
+"""The dimensions of a dataset by those of dual variables."""
+COORDINATES = {"time", "interval_time", "interval_end", "phase", "phase_name", "phase_number", "duration"}
+"""The names that a dataset has for itself."""
 PANEL_HEIGHT = 1.7
 """The height of the panel of a quantity, inches."""
 
@@ -32,30 +35,25 @@ def to_xarray(solution: "Solution") -> "Dataset":
     variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
 
     def add(name: str, dimension: str, values: Array, unit: str, text: str, **more: str) -> None:
+        name = f"own_{name}" if name in COORDINATES else name
         variables[name] = (dimension, values, {"units": unit, "long_name": text, **more})
 
     for quantity in system.states:
-        label = quantity.text or quantity.name
-        add(quantity.name, "time", solution.state(quantity.name), quantity.unit, label)
-        costate = solution.costate(quantity.name)
-        add(
-            f"costate_{quantity.name}", "interval_end", costate, per(quantity), f"costate of {label}", sign=COSTATE_SIGN
-        )
+        add(quantity.name, "time", solution.state(quantity.name), quantity.unit, quantity.text or quantity.name)
     for quantity in system.controls:
         label = quantity.text or quantity.name
         add(quantity.name, "interval_time", solution.control(quantity.name), quantity.unit, label)
     for quantity in system.path:
         add(quantity.name, "time", solution.output(quantity.name), quantity.unit, quantity.text or quantity.name)
-    for quantity in solution.quantities():
-        dimension = "interval_time" if quantity in system.controls else "time"
-        text, values = f"multiplier of the limits of {quantity.name}", solution.multiplier(quantity.name)
-        add(f"multiplier_{quantity.name}", dimension, values, per(quantity), text, sign=MULTIPLIER_SIGN)
-    text = "Hamiltonian, minus the weight of time where durations are free"
-    add("hamiltonian", "interval_end", solution.hamiltonian, "1/s", text)
+    for dual in dual_variables(solution.layout, solution.iterate, solution.multipliers, "1"):
+        add(dual.name, DIMENSIONS[dual.dimension], dual.values, dual.unit, dual.text, sign=dual.sign)
+    about = {"units": "s", "long_name": "duration of the phase"}
+    variables["duration"] = ("phase_number", solution.iterate.durations, about)
     coordinates = {
         "time": ("time", time, {"units": "s", "long_name": "time at the nodes"}),
         "interval_time": ("interval_time", time[:-1], {"units": "s", "long_name": "beginning of the interval"}),
         "interval_end": ("interval_end", time[1:], {"units": "s", "long_name": "end of the interval"}),
+        "phase_name": ("phase_number", np.array(solution.phases), {"long_name": "name of the phase"}),
         "phase": ("interval_time", phase_of_intervals(solution), {"long_name": "phase of the interval"}),
     }
     return xarray.Dataset(variables, coords=coordinates, attrs=attributes(solution))
