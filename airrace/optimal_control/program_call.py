@@ -10,13 +10,9 @@ import atexit
 import os
 import threading
 import time
-from dataclasses import replace
-
-import numpy as np
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers import INTERIOR_POINT
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport
@@ -44,9 +40,8 @@ def solve_program(
         stall_seconds: longest wait for the next iteration, the first one and what is prepared before it included, s.
 
     Returns:
-        What the solver answers, and how far an independent integrator strays from it within an interval
-        (`replay_error`): `success` speaks of the mesh alone. A solve that finishes no iteration in time is a failed one
-        like any other: its `status` says so, its iterate is the guess, and its errors are NaN.
+        What the solver answers. A solve that finishes no iteration in time is a failed one like any other: its `status`
+        says so, its iterate is the guess, and its errors are NaN.
 
     Raises:
         ValueError: the problem does not say what it seems to say, see `require_valid`, or the guess has other shapes.
@@ -56,7 +51,7 @@ def solve_program(
     started, reports = time.perf_counter(), list[IterationReport]()
     with _LOCK:
         try:
-            solution = _service().solve(
+            return _service().solve(
                 problem,
                 guess,
                 solver=solver,
@@ -71,9 +66,6 @@ def solve_program(
             return ProgramSolution.without_answer(
                 problem, guess, solver, Ending.TIMEOUT, str(stalled), iterations=iterations, seconds=seconds
             )
-    if not solution.success:
-        return solution
-    return replace(solution, replay_error=float(np.abs(replay(problem, solution.iterate).defect).max()))
 
 
 _LOCK = threading.Lock()  # a solver process serves one request at a time

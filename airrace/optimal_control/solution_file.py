@@ -82,7 +82,11 @@ def load(path: Path, problem: Problem) -> dict[str, Any]:  # Any: the values are
         ]
         solved = dataclasses.replace(problem, phases=tuple(phases))
         iterate = Iterate(arrays["durations"], arrays["state"], arrays["control"])
-        Layout(solved).pack(iterate)
+        layout = Layout(solved)
+        layout.pack(iterate)
+        sizes = len(arrays["constraint_multipliers"]), len(arrays["bound_multipliers"])
+        if sizes != (layout.constraints, layout.unknowns):
+            raise ValueError(f"it has multipliers of {sizes[0]} constraints, and the problem has {layout.constraints}")
         certificate, second_order = about["certificate"], _second_order_of_plain(about["second_order"])
         if certificate is not None:
             status, items = certificate

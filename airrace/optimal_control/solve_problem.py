@@ -31,7 +31,7 @@ from airrace.optimal_control.solution import Solution
 from airrace.optimal_control.solvers import INTERIOR_POINT
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.service import STALL_SECONDS
-from airrace.optimal_control.solvers.solver import ProgramSolution
+from airrace.optimal_control.solvers.solver import SOLVERS, ProgramSolution
 
 TOLERANCE_OF_CHANGE = 1e-3
 """The solver's tolerance as a share of the change between meshes that is allowed. What an interior point is away from
@@ -77,9 +77,12 @@ def solve(
         fails is a value, too. `Solution.verdict` says in a sentence what it is.
 
     Raises:
-        ValueError: the problem does not say what it seems to say, see `require_valid`, or the guess has other shapes.
+        ValueError: the problem does not say what it seems to say, see `require_valid`, the guess has other shapes, or
+            there is no such solver.
         SolverCrash: the solver process died, or could not work on the problem.
     """
+    if solver not in SOLVERS:
+        raise ValueError(f"there is no solver {solver!r}; there are {', '.join(SOLVERS)}")
     if scheme is not None:
         problem = replace(problem, scheme=scheme)
     options, accuracy = options or SolverOptions(), accuracy or Accuracy()
@@ -136,6 +139,7 @@ def _measure(
     evidence = examine_own(problem, program, accuracy)
     value = None if coarser is None else coarser.value
     certificate = certify_own(problem, program, evidence, accuracy, coarser=value)
+    program = replace(program, replay_error=float(evidence.check.defect.max()))
     return (
         Solution.of_program(problem, program, certificate),
         MeshSolution(problem, program.iterate, proposal, program.objective, lambda: evidence),

@@ -23,5 +23,5 @@ problem = define_problem(
     phases=[Phase("move", uniform(120), Interval.exactly(12.0), at(**dict.fromkeys(units, 0.0)))],
     integral_cost=lambda x, u: u.u1 + u.u2 + u.u3 + u.u4,
 )
-solution = solve(problem, second_mesh=True)
+solution = solve(problem, refine=True)
 print(solution)

@@ -61,7 +61,7 @@ def test_a_parameter_is_optimised() -> None:
         parameters=[Quantity("angle", "rad", lower=0.1, upper=1.5)],
         start=at(x=0.0, y=0.0, t=0.0),
         phases=[Phase("flight", uniform(10), Interval(0.5, 3.0), at(y=0.0))],
-        end_cost=lambda ends: -ends[-1].x,
+        end_cost=lambda ends: -ends[-1].x + (ends[0].angle - ends[-1].angle) ** 2,
     )
     solution = solve(problem)
     assert solution.success, solution.status

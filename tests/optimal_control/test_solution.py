@@ -2,9 +2,11 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from own_problems import carried_mass, two_seconds
@@ -15,7 +17,9 @@ from airrace.optimal_control import (
     RK4,
     Accuracy,
     Interval,
+    Observation,
     Phase,
+    Problem,
     Quantity,
     Solution,
     at,
@@ -23,6 +27,14 @@ from airrace.optimal_control import (
     solve,
     uniform,
 )
+
+
+def with_a_condition_more(problem: Problem) -> Problem:
+    """The same with a condition on what is observed of its end."""
+    x, b = ca.SX.sym("x", 3), ca.SX.sym("b", 0)
+    seen = Observation("seen", (Quantity("sum", "m"),), (), ca.Function("seen", [x, b], [x[0] + x[1]]))
+    end = replace(problem.phases[-1].end, bounds={"sum": Interval(0.0, 9.0)}, observation=seen)
+    return replace(problem, phases=(replace(problem.phases[0], end=end),))
 
 
 def test_multipliers_are_minus_what_the_objective_changes_by_per_unit() -> None:
@@ -99,6 +111,8 @@ def test_schemes_and_solvers_are_arguments() -> None:
     solution = solve(carried_mass(), scheme=RK4, solver="ipopt", tolerance=1e-8)
     assert (solution.problem.scheme, solution.solver) == (RK4, "ipopt")
     assert solution.kkt.largest <= 1e-8
+    with pytest.raises(ValueError, match="no solver 'simplex'; there are interior-point, ipopt"):
+        solve(carried_mass(), solver="simplex")
 
 
 def test_unknown_names_are_refused_with_those_that_there_are() -> None:
@@ -134,6 +148,8 @@ def test_files_of_other_problems_and_other_files_are_refused(tmp_path: Path) -> 
     solve(carried_mass()).save(tmp_path / "carried.npz")
     with pytest.raises(UsageError, match="system carried mass instead of two seconds"):
         Solution.load(tmp_path / "carried.npz", two_seconds())
+    with pytest.raises(UsageError, match=r"multipliers of .* constraints"):  # a limit more
+        Solution.load(tmp_path / "carried.npz", with_a_condition_more(carried_mass()))
     (tmp_path / "text.npz").write_text("no archive")
     for name in ("text.npz", "absent.npz"):
         with pytest.raises(UsageError, match=name):

@@ -457,7 +457,7 @@ def test_a_problem_that_means_something_else_is_refused_here() -> None:
 
 def test_a_solver_that_does_not_exist_is_an_error_and_no_end() -> None:
     with pytest.raises(SolverCrash, match="no such solver"):
-        solve(*rest_to_rest(), solver="no such solver")
+        module.solve_program(*rest_to_rest(), solver="no such solver")
     assert solve(*rest_to_rest()).success
 
 

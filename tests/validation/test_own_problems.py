@@ -3,6 +3,8 @@
 import least_time_turn
 import limited_rocket
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from airrace.optimal_control import Accuracy, Iterate, Problem, initial_guess, solve
 
@@ -55,3 +57,31 @@ def test_bounds_of_durations_that_do_not_bind_do_not_change_the_arcs(duration_mi
     problem: Problem = limited_rocket.in_arcs(10, duration_min)
     solution = solve(problem, tolerance=1e-10)
     assert solution.objective == pytest.approx(ROCKET_TIME, abs=1e-9)
+
+
+def test_the_arcs_of_the_rocket_integrated_give_the_digits() -> None:
+    """By an integrator of its own, for the mass at which the hold ends."""
+    m_hold = 0.01 * limited_rocket.HOLD**2
+
+    def arc(thrust: float, begin: tuple[float, float, float], speed: float) -> tuple[float, list[float]]:
+        def rates(_: float, x: list[float]) -> list[float]:
+            return [x[1], (thrust - limited_rocket.DRAG * x[1] ** 2) / x[2], -0.01 * thrust**2]
+
+        def reached(_: float, x: list[float]) -> float:
+            return x[1] - speed
+
+        reached.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+        ran = solve_ivp(rates, (0.0, 9.0), begin, events=reached, rtol=1e-12, atol=1e-13)
+        return float(ran.t_events[0][0]), [float(value) for value in ran.y_events[0][0]]
+
+    push, (s_push, v_push, m_push) = arc(limited_rocket.THRUST_MAX, (0.0, 0.0, 1.0), limited_rocket.SPEED_MAX)
+
+    def flown(hold: float) -> tuple[float, list[float]]:
+        begin = (s_push + hold * v_push, v_push, m_push - hold * m_hold)
+        return arc(-limited_rocket.THRUST_MAX, begin, 0.0)
+
+    hold = float(brentq(lambda seconds: flown(seconds)[1][0] - 10.0, 3.0, 5.0, xtol=1e-13))
+    brake, (_, _, m_end) = flown(hold)
+    (answer,) = limited_rocket.known_answers()
+    published = [float(value.published) for value in answer.values]
+    assert [push + hold + brake, push, hold, brake, m_end] == pytest.approx(published, abs=1.5e-9)
