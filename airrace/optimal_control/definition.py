@@ -19,7 +19,7 @@ phase is carried to the final time by a state without a rate.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType, SimpleNamespace
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -128,6 +128,21 @@ def define_problem(
     return problem
 
 
+class Symbols:
+    """Symbols by name, as the attributes of what equations are functions of."""
+
+    def __init__(self, symbols: Mapping[str, ca.SX]) -> None:
+        self.__dict__.update(symbols)
+
+    def __getattr__(self, name: str) -> ca.SX:
+        """Refuse a name that there is not.
+
+        Raises:
+            AttributeError: always, for Python looks here last.
+        """
+        raise AttributeError(f"there is no {name!r} here, only {', '.join(self.__dict__) or 'nothing'}")
+
+
 class _Definition:
     """The states of a problem with their rates, while those are added that costs need.
 
@@ -147,16 +162,18 @@ class _Definition:
         self._rates: dict[str, Scalar] = {}
         self._begins: dict[str, float] = {}
         self._ties: list[tuple[int, str, str]] = []  # boundary, state, what carries it
-        self.x, self.u = SimpleNamespace(**self._symbols), SimpleNamespace(**self._control_symbols)
+        self.x, self.u = Symbols(self._symbols), Symbols(self._control_symbols)
 
     def set_rates(self, name: str, rates: Callable[[Any, Any], Mapping[str, Scalar]]) -> None:
         """Take the rates of the user's states."""
-        values = dict(rates(self.x, self.u))
+        values = rates(self.x, self.u)
+        if not hasattr(values, "keys"):
+            raise ValueError(f"the rates of {name!r} are no dictionary of rates by the names of the states")
         if missing := self._own - values.keys():
             raise ValueError(f"the rates of {name!r} have none of {', '.join(sorted(missing))}")
         if unknown := values.keys() - self._own:
             raise ValueError(f"the rates of {name!r} have some of {', '.join(sorted(unknown))}, which are no states")
-        self._rates = values
+        self._rates = dict(values)
 
     def add_state(self, quantity: Quantity, rate: Scalar, *, begin: float | None = None) -> None:
         """Add a state, and the value with which it begins."""
@@ -172,7 +189,7 @@ class _Definition:
         """Return a cost of the ends of phases in terms of the final state, with states that carry the earlier ones."""
         visible = [*self._own, *self._constant, *({CLOCK} - self._own)]
         ends = [{name: ca.SX.sym(f"{name}_{number}") for name in visible} for number in range(phases + 1)]
-        cost = ca.SX(end_cost([SimpleNamespace(**end) for end in ends]))
+        cost = ca.SX(end_cost([Symbols(end) for end in ends]))
         used = [[name for name, symbol in end.items() if ca.depends_on(cost, symbol)] for end in ends]
         if CLOCK not in self._own and any(CLOCK in names for names in used[1:]):
             self.add_state(Quantity(CLOCK, "s", text="time since the start"), 1.0, begin=0.0)

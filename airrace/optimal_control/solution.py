@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
+VIOLATED = 1e-6
+"""The scaled violation from which on a constraint is named where no optimum was found (1)."""
+
+
 @dataclass(frozen=True)
 class MeshStep:
     """A mesh that was solved on: its number of intervals, and the objective of its optimum."""
@@ -75,7 +79,8 @@ class Solution(ProgramSolution):
     def verdict(self) -> str:
         """What the solution is, in a sentence for people."""
         if not self.success:
-            return f"no optimum: {self.status}"
+            violated = self.iterations > 0 and self.kkt.primal > VIOLATED
+            return f"no optimum: {self.status}{f'; most violated: {self.worst}' if violated else ''}"
         kind = "a local minimum"
         if self.second_order is None or self.second_order.curvature is Curvature.SINGULAR:
             kind = "an optimum of first order"

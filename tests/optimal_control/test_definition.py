@@ -114,7 +114,9 @@ def stated(**changed: object) -> Problem:
     [
         ({"rates": lambda x, u: {}}, "have none of x"),
         ({"rates": lambda x, u: {"x": u.u, "y": 0.0}}, "y, which are no states"),
+        ({"rates": lambda x, u: [u.u]}, "no dictionary"),
         ({"start": at(y=0.0)}, "unknown quantities: y"),
+        ({"phases": [Phase("only", 20, Interval(0.1, 5.0))]}, "is 20; give fractions, as of uniform"),
         ({"states": [Quantity("integral_cost", "m")], "rates": lambda x, u: {"integral_cost": u.u}}, "call yours"),
         ({"outputs": {Quantity("out", "1"): lambda x, u: u.u}, "start": at(out=0.0)}, "depends on controls"),
         ({"controls": [Quantity("x", "m/s")], "rates": lambda x, u: {"x": u.x}}, "declares twice: x"),
@@ -125,6 +127,11 @@ def test_what_is_misstated_is_refused_by_name(change: dict[str, object], message
         change = change | {"integral_cost": lambda x, u: u.u**2}
     with pytest.raises(ValueError, match=message):
         stated(**change)
+
+
+def test_an_equation_of_something_unknown_says_what_there_is() -> None:
+    with pytest.raises(AttributeError, match="there is no 'v' here, only x"):
+        stated(rates=lambda x, u: {"x": x.v})
 
 
 def test_ranges_are_values_pairs_or_intervals() -> None:

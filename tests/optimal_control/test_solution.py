@@ -88,6 +88,13 @@ def test_without_an_optimum_the_answer_says_so_and_nothing_is_refined() -> None:
     assert len(solution.meshes) == 1
 
 
+def test_without_a_feasible_point_the_worst_constraint_is_named() -> None:
+    late = carried_mass(speed_max=0.5)
+    solution = solve(late)
+    assert not solution.success
+    assert "most violated: carry: " in solution.verdict
+
+
 def test_a_finer_mesh_without_an_optimum_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     from airrace.optimal_control import solve_problem
 
