@@ -44,20 +44,18 @@ from airrace.procedure.certification import (
     rough_limits,
 )
 from airrace.procedure.planning.clearance import ClosestApproach
-from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
+from airrace.procedure.pylon_conditions import (
+    CLEARANCE_ROUNDS_MAX,
+    CLEARANCE_SAFETY,
+    EXCESS_LEFT_MAX,
+    FAR_VIOLATION,
+    MeasuredConditions,
+    ReplayedFlight,
+)
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, regularisation_share
 from airrace.procedure.warm_start import InitialBarrier, Start
-
-CLEARANCE_ROUNDS_MAX = 6
-"""Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons."""
-CLEARANCE_SAFETY = 0.3
-"""Share of the certificate's limit by which a clearance may be missed on a mesh whose intervals are halved next."""
-FAR_VIOLATION = 1.0
-"""Length by which a clearance is missed beyond which multipliers of the flight that misses it mislead, m."""
-EXCESS_LEFT_MAX = 0.9
-"""Share to which a solve has to bring what wings keep needlessly away from pylons for another one to follow."""
 
 
 @dataclass(frozen=True)

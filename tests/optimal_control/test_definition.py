@@ -116,7 +116,7 @@ def stated(**changed: object) -> Problem:
         ({"rates": lambda x, u: {"x": u.u, "y": 0.0}}, "y, which are no states"),
         ({"rates": lambda x, u: [u.u]}, "no dictionary"),
         ({"start": at(y=0.0)}, "unknown quantities: y"),
-        ({"phases": [Phase("only", 20, Interval(0.1, 5.0))]}, "is 20; give fractions, as of uniform"),
+        ({"phases": [Phase("only", 20, Interval(0.1, 5.0))]}, "is 20; give fractions, as uniform"),
         ({"states": [Quantity("integral_cost", "m")], "rates": lambda x, u: {"integral_cost": u.u}}, "call yours"),
         ({"outputs": {Quantity("out", "1"): lambda x, u: u.u}, "start": at(out=0.0)}, "depends on controls"),
         ({"controls": [Quantity("x", "m/s")], "rates": lambda x, u: {"x": u.x}}, "declares twice: x"),
