@@ -89,8 +89,8 @@ class Solution(ProgramSolution):
         items = () if self.certificate is None else self.certificate.items
         if self.certified:
             change = next(item.value for item in items if item.name == OBJECTIVE_CHANGE)
-            intervals = f"{self.problem.intervals} intervals and half of them"
-            return f"{kind}: the objectives of {intervals} differ by {100.0 * change:.2g} %"
+            meshes = f"{self.problem.intervals} intervals and on at most half as many"
+            return f"{kind}: the objectives on {meshes} differ by {100.0 * change:.2g} %"
         mesh = f"{kind} of this mesh of {self.problem.intervals} intervals"
         reasons: list[str] = []
         for item in items:
@@ -130,6 +130,11 @@ class Solution(ProgramSolution):
     def phases(self) -> tuple[str, ...]:
         """The names of the phases."""
         return tuple(phase.name for phase in self.problem.phases)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of all states, controls and outputs by name."""
+        return {quantity.name: quantity.unit for quantity in self.quantities()}
 
     @property
     def durations(self) -> dict[str, float]:

@@ -85,11 +85,10 @@ def attributes(solution: "Solution") -> dict[str, Any]:  # Any: texts and number
 def to_dataframe(solution: "Solution") -> "DataFrame":
     """Return a solution as a data frame; see `Solution.to_dataframe`."""
     pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
-    system, units = solution.problem.system, {"time": "s"}
+    system, units = solution.problem.system, {"time": "s", **solution.units}
     phases = phase_of_intervals(solution)
     columns: dict[str, Any] = {"time": solution.time, "phase": np.append(phases, phases[-1])}
     for quantity in solution.quantities():
-        units[quantity.name] = quantity.unit
         if quantity in system.states:
             columns[quantity.name] = solution.state(quantity.name)
         elif quantity in system.controls:

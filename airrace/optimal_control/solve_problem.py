@@ -35,7 +35,7 @@ from airrace.optimal_control.solvers.solver import SOLVERS, ProgramSolution
 
 TOLERANCE_OF_CHANGE = 1e-3
 """The solver's tolerance as a share of the change between meshes that is allowed. What an interior point is away from
-the bounds adds up over the intervals: with 1e-7 the height of Goddard's rocket falls by 3e-5 on 3,200 intervals."""
+the bounds adds up over the intervals: with 1e-7 the height of Goddard's rocket falls by 4e-5 on 3,200 intervals."""
 BARRIER_OF_OTHER_MESH = 1e-5
 """The first value of the barrier parameter of a solve from an optimum on another mesh, as of a race."""
 
