@@ -16,12 +16,9 @@ _modules: dict[str, str] = {}
 
 def _load_names() -> None:
     """Read the stub."""
-    import ast  # not before a name is looked up, for it takes as long to load as the rest of this module
-    from pathlib import Path
+    from airrace.runtime.public_names import modules_of_names  # not before a name is looked up, for it takes long
 
-    for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body:
-        if isinstance(statement, ast.ImportFrom) and statement.module is not None:
-            _modules.update({alias.name: statement.module for alias in statement.names})
+    _modules.update(modules_of_names(__file__))
 
 
 def __getattr__(name: str) -> object:

@@ -15,7 +15,7 @@ from airrace.errors import AirraceError, StorageError
 from airrace.optimal_control.native.library import library
 from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.system import system_of
 from airrace.runtime.extensions import extensions, load_extensions
 from airrace.runtime.process import available_cores

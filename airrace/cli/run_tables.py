@@ -13,6 +13,7 @@ from airrace.flights.results.comparison import TIE, Comparison, compare_flights,
 from airrace.flights.results.cost_to_go import CostToGoLoss
 from airrace.flights.results.flight_facts import Range, leg_facts
 from airrace.flights.results.time_loss import time_loss
+from airrace.optimal_control.certificate import RefinementReason
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.views.comparison_tables import (
     cost_table,
@@ -25,7 +26,7 @@ from airrace.pages.views.comparison_tables import (
 )
 from airrace.pages.views.stage_tables import ONE_MESH, ROUGH, certificate_table, distance_table
 from airrace.pages.views.tables import Column, Table
-from airrace.procedure.result import RefinementReason, StageResult
+from airrace.procedure.result import StageResult
 from airrace.runs.json_objects import REASONS
 
 if TYPE_CHECKING:

@@ -5,12 +5,25 @@ A result is certified only if every item holds and one of them compares it with 
 
 import math
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
 
 RACE_TIME_CHANGE = "race_time_change"
 """The item that compares a race time with that on a coarser mesh: without it nothing is known of what the mesh does."""
+OBJECTIVE_CHANGE = "objective_change"
+"""The same item of a problem whose objective is no race time."""
 HAMILTONIAN_DRIFT = "hamiltonian_drift"
 """The item of the Hamiltonian's distance from -1, which only a good mesh keeps: a rough optimum goes without."""
+
+
+class RefinementReason(IntEnum):
+    """The reason for an interval's length: what its mesh was last made coarser or finer for."""
+
+    FIRST = 0
+    CALM = 1
+    INTEGRATION = 2
+    LIMITS = 3
+    HAMILTONIAN = 4
+    RACE_TIME = 5
 
 
 class Curvature(Enum):
@@ -119,8 +132,8 @@ class Certificate:
 
     @property
     def compares_meshes(self) -> bool:
-        """Whether the race time was compared with that on a coarser mesh."""
-        return any(item.name == RACE_TIME_CHANGE for item in self.items)
+        """Whether the race time, or the objective, was compared with that on a coarser mesh."""
+        return any(item.name in (RACE_TIME_CHANGE, OBJECTIVE_CHANGE) for item in self.items)
 
     @property
     def is_rough(self) -> bool:

@@ -328,6 +328,10 @@ def _check_phase(system: System, phase: Phase) -> None:
         raise ValueError(
             f"the duration of phase {phase.name!r} is {phase.duration!r}; give its range in s as Interval(0.01, 5.0)"
         )
+    if not hasattr(phase.fractions, "__len__"):
+        raise ValueError(
+            f"the mesh of phase {phase.name!r} is {phase.fractions!r}; give fractions, as uniform(20) does"
+        )
     # Comparisons with NaN are false, so conditions are stated so that NaN fails.
     if not all(fraction > 0.0 for fraction in phase.fractions) or not abs(sum(phase.fractions) - 1.0) <= WHOLE:
         raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")

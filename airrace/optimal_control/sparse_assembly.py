@@ -146,7 +146,7 @@ class COOBuilder:
         places = columns * self._shape[0] + rows
         order = np.argsort(places, kind="stable")
         places = places[order]
-        first = np.flatnonzero(np.concatenate([[True], places[1:] != places[:-1]]))
+        first = np.flatnonzero(np.concatenate([[True], places[1:] != places[:-1]])[: len(places)])  # of none: none
         leading = order[first]
         return SparseAssembly(
             shape=self._shape,

@@ -25,7 +25,7 @@ on one mesh each may differ because of their meshes; each may err by about that 
 
 def mesh_resolution(settings: Settings, race_time: float) -> float:
     """Return the difference of race times that two flights solved on one mesh each may owe to their meshes, s."""
-    return NEAR_TIE * settings.certificate.race_time_of(race_time)
+    return NEAR_TIE * settings.certificate.change_of(race_time)
 
 
 def fastest_of(results: Sequence[StageResult]) -> StageResult:

@@ -24,7 +24,7 @@ from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.soft_start import soften_start
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.system import System
 from airrace.optimal_control.trajectory import Array, Indices, Trajectory
 from airrace.procedure.fidelity import iterate_of
@@ -182,7 +182,7 @@ class _Attempts:
         self._session, self._problem, self._start = session, problem, start
         self.iterations, self.seconds = 0, 0.0
 
-    def solve(self, guess: Iterate, multipliers: Multipliers) -> Solution | None:
+    def solve(self, guess: Iterate, multipliers: Multipliers) -> ProgramSolution | None:
         """Return the optimum; None if none is found.
 
         Args:
@@ -197,7 +197,7 @@ class _Attempts:
         solution = self._attempt(augment(guess, self._start.apart(guess)), multipliers, InitialBarrier.PIECES)
         return solution if solution is not None and solution.success else None
 
-    def _attempt(self, guess: Iterate, multipliers: Multipliers, barrier: InitialBarrier) -> Solution | None:
+    def _attempt(self, guess: Iterate, multipliers: Multipliers, barrier: InitialBarrier) -> ProgramSolution | None:
         options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value, curvature=False)
         session, purpose = self._session, "the cost to go"
         primary = session.solvers[0]

@@ -30,7 +30,7 @@ class FirstMesh:
         smoothing: the time of flight to either side over which the curvature is averaged, s.
         long_race: the planned duration up to which a first mesh has intervals of the length that the settings
             name, s. A long race is limited by memory, and its race time may change by more, see
-            `CertificateLimits.race_time_of`.
+            `CertificateLimits.change_of`.
         stretch_max: the largest factor (1) by which the first intervals of a longer race are longer. 16 laps of
             the sixteen phases (529 s) were proved on 7,859 intervals with 1, on 6,677 with 1.4 and on 5,970
             with 1.8; summed over all meshes, iterations times intervals were 380, 289 and 368 thousand.

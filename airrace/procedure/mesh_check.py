@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+from airrace.optimal_control.mesh_proposals import MeshProposal, MeshSolution, bisect_all, bisect_coarse
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.certification import examine
@@ -17,7 +18,6 @@ from airrace.procedure.mesh_loop import (
     solve_on_mesh,
     task_to_certify,
 )
-from airrace.procedure.mesh_proposals import MeshProposal, MeshSolution, bisect_all, bisect_coarse
 from airrace.procedure.result import Note, NoteKind, StageResult
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_models import StageModels
@@ -44,7 +44,8 @@ def solve_on_second_mesh(
     problem = stage_problem.problem(mesh)
     multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     measure = partial(examine, problem, iterate, optimum.constraint_multipliers, limits)
-    good = MeshSolution(problem, iterate, MeshProposal(mesh, iterate, optimum.mesh.why, nodes), measure)
+    proposal = MeshProposal(mesh, iterate, optimum.mesh.why, nodes)
+    good = MeshSolution(problem, iterate, proposal, float(iterate.durations.sum()), measure)
     start = Start(stage_problem, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
 
     first_intervals, coarser = None, None

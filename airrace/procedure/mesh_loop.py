@@ -16,12 +16,24 @@ from functools import cached_property, partial
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_proposals import (
+    ADAPTATIONS_MAX,
+    GROWTH_FROM,
+    GROWTH_MAX,
+    MeshProposal,
+    MeshSolution,
+    adapt,
+    bisect_all,
+    refine_changed,
+    refine_flagged,
+)
 from airrace.optimal_control.mesh_refinement import Marks, restrict, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.procedure.certification import (
+    ROUGH_TOLERANCE,
     approaches,
     certify,
     certify_rough,
@@ -29,26 +41,17 @@ from airrace.procedure.certification import (
     conclude,
     examine,
     failures,
+    rough_limits,
 )
-from airrace.procedure.mesh_proposals import (
-    ADAPTATIONS_MAX,
+from airrace.procedure.planning.clearance import ClosestApproach
+from airrace.procedure.pylon_conditions import (
     CLEARANCE_ROUNDS_MAX,
     CLEARANCE_SAFETY,
     EXCESS_LEFT_MAX,
     FAR_VIOLATION,
-    GROWTH_FROM,
-    GROWTH_MAX,
-    ROUGH_TOLERANCE,
-    MeshProposal,
-    MeshSolution,
-    adapt,
-    bisect_all,
-    refine_changed,
-    refine_flagged,
-    rough_limits,
+    MeasuredConditions,
+    ReplayedFlight,
 )
-from airrace.procedure.planning.clearance import ClosestApproach
-from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, regularisation_share
@@ -63,7 +66,7 @@ class Failure:
     """
 
     start: Start
-    solution: Solution | None
+    solution: ProgramSolution | None
     coarser: MeshSolution | None = None
 
 
@@ -175,7 +178,7 @@ class SolvedMesh:
 
     session: SolverSession
     task: MeshTask
-    solution: Solution
+    solution: ProgramSolution
     optimum: MeshSolution
 
     @property
@@ -261,8 +264,8 @@ class SolvedMesh:
         optimum, coarser, limits = self.optimum, self.task.coarser, self.session.settings.certificate
         if coarser is None:
             return None if self.task.goal is MeshGoal.SINGLE else math.nan
-        if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
-            return coarser.race_time
+        if abs(optimum.value - coarser.value) > limits.change_of(optimum.value):
+            return coarser.value
         multipliers, nodes = self.solution.multipliers, optimum.proposal.coarser
         return race_time_on_coarser_mesh(
             self.session, self.stage_problem, optimum.problem, optimum.iterate, multipliers, nodes
@@ -333,7 +336,7 @@ def refine(
             if task.violating_optimum is None:
                 return solved
             return _finish(start, _with_curvature(task.violating_optimum))
-        if solved.optimum.race_time > start.race_time_max or task.number == session.settings.mesh.refinements_max:
+        if solved.optimum.value > start.race_time_max or task.number == session.settings.mesh.refinements_max:
             break
         following = decide(solved)
         if following is None:
@@ -374,7 +377,10 @@ def solve_on_mesh(
     measure = partial(
         examine, problem, solution.iterate, solution.multipliers.constraints, session.settings.certificate
     )
-    return SolvedMesh(session, task, solution, MeshSolution(problem, solution.iterate, task.proposal, measure))
+    race_time = float(solution.iterate.durations.sum())
+    return SolvedMesh(
+        session, task, solution, MeshSolution(problem, solution.iterate, task.proposal, race_time, measure)
+    )
 
 
 def race_time_on_coarser_mesh(

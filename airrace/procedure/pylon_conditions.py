@@ -32,6 +32,14 @@ from airrace.procedure.planning.clearance import ClosestApproach, PylonPost, cle
 from airrace.procedure.planning.plan import Plan
 from airrace.procedure.result import PylonCondition, PylonSide
 
+CLEARANCE_ROUNDS_MAX = 6
+"""Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons."""
+CLEARANCE_SAFETY = 0.3
+"""Share of the certificate's limit by which a clearance may be missed on a mesh whose intervals are halved next."""
+FAR_VIOLATION = 1.0
+"""Length by which a clearance is missed beyond which multipliers of the flight that misses it mislead, m."""
+EXCESS_LEFT_MAX = 0.9
+"""Share to which a solve has to bring what wings keep needlessly away from pylons for another one to follow."""
 PASSING_SECONDS = 0.5
 """Time within which a pylon is passed but once, s."""
 ABEAM_SECONDS = 0.03

@@ -24,10 +24,9 @@ from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.trajectory import Array, Trajectory
-from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine
+from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine, rough_limits
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
 from airrace.procedure.mesh_loop import race_time_on_coarser_mesh
-from airrace.procedure.mesh_proposals import rough_limits
 from airrace.procedure.result import Attempt, GateSplit, PylonCondition, Silent, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession

@@ -22,6 +22,7 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.model.track.course import Course
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_proposals import MeshProposal, bisect_coarse, refine_guess
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
@@ -43,7 +44,6 @@ from airrace.procedure.mesh_loop import (
     solve_on_mesh,
     task_to_certify,
 )
-from airrace.procedure.mesh_proposals import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.multistart.multistart import RoutesAround, search_around
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.result import NOT_SEARCHED, OPTIMUM, Route, StageProvenance, StageResult

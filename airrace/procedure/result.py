@@ -6,7 +6,7 @@ The procedure reports to a `Progress`; the default one is silent.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from enum import Enum, IntEnum
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,17 +140,6 @@ class Note:
 
     kind: NoteKind
     text: str
-
-
-class RefinementReason(IntEnum):
-    """The reason for an interval's length: what its mesh was last made coarser or finer for."""
-
-    FIRST = 0
-    CALM = 1
-    INTEGRATION = 2
-    LIMITS = 3
-    HAMILTONIAN = 4
-    RACE_TIME = 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ class CertificateLimits:
     race_time: float = 0.005
     variation: float = 0.5
 
-    def race_time_of(self, duration: float) -> float:
+    def change_of(self, duration: float) -> float:
         """Return how much the race time of a race of this duration (s) may change when all intervals are halved, s.
 
         Beyond two minutes it grows with the duration: every part of a long race is solved as exactly as that of a

@@ -21,7 +21,7 @@ from airrace.optimal_control.replay import load_in_background
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport
 from airrace.optimal_control.solvers.service import SolverPool, SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import SOLVERS, Solution
+from airrace.optimal_control.solvers.solver import SOLVERS, ProgramSolution
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.planning.plan import Plan
 from airrace.procedure.result import Attempt, Iteration, Progress, Silent, Timings
@@ -99,7 +99,7 @@ class _SolverStart:
     continuations: int
     is_continuation: bool = False
 
-    def leads_on(self, solution: Solution) -> bool:
+    def leads_on(self, solution: ProgramSolution) -> bool:
         """Return whether it is worth while to continue from its solution."""
         gain = self.guess.durations.sum() - solution.iterate.durations.sum()
         return (
@@ -109,7 +109,7 @@ class _SolverStart:
             and (self.multipliers is not None or bool(gain > TIME_GAIN_MIN))
         )
 
-    def continued_from(self, solution: Solution, iterations_max: int) -> "_SolverStart":
+    def continued_from(self, solution: ProgramSolution, iterations_max: int) -> "_SolverStart":
         """Return the continuation, with the multipliers that were reached if it began with any."""
         is_warm = self.multipliers is not None
         barrier = InitialBarrier.OTHER_PROBLEM if is_warm else InitialBarrier.COARSE
@@ -299,7 +299,7 @@ class SolverSession:
         loose_tolerance: float = 0.0,
         reference_only: bool = False,
         multipliers: Multipliers | None = None,
-    ) -> Solution | None:
+    ) -> ProgramSolution | None:
         """Solve to the tolerance of the settings, and to a smaller one where the certificate asks for it.
 
         A solver that begins with multipliers is asked with them first. A solve that ran out of iterations at a nearly
@@ -333,7 +333,7 @@ class SolverSession:
                 starts.append(_SolverStart(solver, guess, None, misled, 0))
             else:
                 starts.append(_SolverStart(solver, guess, None, cold, CONTINUATIONS_MAX))
-        result: Solution | None = None
+        result: ProgramSolution | None = None
         while starts and not (result is not None and result.success):
             start = starts.pop(0)
             words = f"{purpose}, farther down" if start.is_continuation else purpose
@@ -348,7 +348,7 @@ class SolverSession:
             return self._polish(problem, result, purpose)
         return result
 
-    def _polish(self, problem: Problem, solution: Solution, purpose: str) -> Solution:
+    def _polish(self, problem: Problem, solution: ProgramSolution, purpose: str) -> ProgramSolution:
         """Solve more closely from a solution whose errors are larger than the certificate allows."""
         if solution.kkt.largest <= self.settings.certificate.kkt_error:
             return solution
@@ -369,7 +369,7 @@ class SolverSession:
         multipliers: Multipliers | None = None,
         *,
         beyond_budget: bool = False,
-    ) -> Solution | None:
+    ) -> ProgramSolution | None:
         """Solve once, on record; return None if the solver did not come back.
 
         Within the budget, unless it is a small solve that explains why there is no flight: of a budget that is spent
@@ -385,7 +385,7 @@ class SolverSession:
         if not beyond_budget and left < most:
             most = max(0, math.ceil(left))
         if most == 0:
-            return Solution.without_answer(problem, guess, solver, Ending.BUDGET_EXHAUSTED)
+            return ProgramSolution.without_answer(problem, guess, solver, Ending.BUDGET_EXHAUSTED)
         started = time.perf_counter()
         try:
             solution = self.service.solve(

@@ -22,7 +22,7 @@ from airrace.flights.results.flight import passings_around
 from airrace.flights.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
 from airrace.flights.results.sectors import JOINT, SectorTimes
 from airrace.flights.results.time_loss import Loss, TimeLoss, loss_parts, time_loss
-from airrace.optimal_control.certificate import Certificate, SecondOrder
+from airrace.optimal_control.certificate import Certificate, RefinementReason, SecondOrder
 from airrace.pages.views.comparison_tables import (
     difference_text,
     laps_table,
@@ -32,7 +32,7 @@ from airrace.pages.views.comparison_tables import (
     sectors_table,
 )
 from airrace.pages.views.stage_tables import certificate_table
-from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
+from airrace.procedure.result import GateSplit, SearchReport, StageResult, SuggestedChange
 
 REASONS: Mapping[RefinementReason, str] = {
     RefinementReason.FIRST: "first mesh",

@@ -12,7 +12,7 @@ from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.files.export.csv import FlightOrigin, export_csv
 from airrace.files.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.files.inputs import Inputs
-from airrace.flights.results import Flight, Source, Verification, flight_of
+from airrace.flights.results import Flight, Source, StoredOptimum, Verification, flight_of
 from airrace.flights.results.clearances import distance_columns, with_distances
 from airrace.flights.results.derivation import table_columns
 from airrace.flights.results.stamp import Stamp
@@ -222,7 +222,15 @@ class StageView:
             failed=self._failed,
             pilot=self.inputs.pilot,
             reserve=reserve_state(self.inputs.reserve, self.attempts),
+            optimum=self._optimum,
         )
+
+    @property
+    def _optimum(self) -> StoredOptimum | None:
+        """The optimum with its multipliers; None where the stage has none, or no longer stands."""
+        if self.stale or self.result.certificate is None or not self.result.is_flight:
+            return None
+        return StoredOptimum(self.inputs.race, self.inputs.settings, self.result)
 
     @property
     def _failed(self) -> tuple[str, ...]:
@@ -254,7 +262,8 @@ class StageView:
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
 
-        Columns name their units, angles are in degrees. `phase` is the leg that a row belongs to.
+        Columns name their units, angles are in degrees. `phase` is the leg that a row belongs to. The frame's `attrs`
+        are those of `to_xarray`.
 
         Args:
             rate: rows per second; None for one row per node of the mesh.
@@ -264,7 +273,9 @@ class StageView:
         """
         from airrace.files.export.flight_table import flight_frame
 
-        return flight_frame(self._flight(rate))
+        frame = flight_frame(self._flight(rate))
+        frame.attrs.update(self._provenance.attributes(self.result))
+        return frame
 
     def to_xarray(self, rate: float | None = None) -> "Dataset":
         """Return the flight as a dataset of xarray over the dimension `time`: SI and radians, units in the attributes.

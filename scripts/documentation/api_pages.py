@@ -14,10 +14,14 @@ MODULES = {
         "airrace.files.inputs.kinds.kind",
     ),
     "Problems of one's own": (
-        "airrace.optimal_control.system",
-        "airrace.optimal_control.quantities",
+        "airrace.optimal_control.definition",
+        "airrace.optimal_control.first_guess",
+        "airrace.optimal_control.solve_problem",
+        "airrace.optimal_control.solution",
+        "airrace.optimal_control.own_certificate",
         "airrace.optimal_control.problem",
-        "airrace.optimal_control.solve",
+        "airrace.optimal_control.quantities",
+        "airrace.optimal_control.system",
     ),
     "Errors": ("airrace.errors",),
 }

@@ -25,7 +25,7 @@ from airrace.files.inputs import load_inputs
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.race import Race
 from airrace.procedure.planning.plan import (PlannedLeg, plan)
 from airrace.procedure.planning.planning_model import PlanningModel, cruise
@@ -101,7 +101,7 @@ def lift(state: Array, leg: PlannedLeg, height: float) -> None:
         state[attitude, node] = quaternion(course, climb + math.atan(float(rise[node])), bank)
 
 
-def rough(session: SolverSession, problem: Problem, start: Iterate) -> Solution | None:
+def rough(session: SolverSession, problem: Problem, start: Iterate) -> ProgramSolution | None:
     """The coarse problem solved; None where no optimum was found."""
     options = SolverOptions(TOLERANCE, ITERATIONS, InitialBarrier.COLD.value, curvature=False)
     solution = session.attempt(problem, start, "a random start", session.settings.solver.primary, options)

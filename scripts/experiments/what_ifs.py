@@ -22,7 +22,7 @@ from typing import Any
 import airrace
 from airrace.files.inputs import load_inputs
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 
 COURSES = ("rovinj_2014", "half_cuban_eight", "abu_dhabi_2016", "chiba_2015", "san_diego_2017", "gdynia_2014")
 Change = dict[str, float]
@@ -60,7 +60,7 @@ class Counted:
     def __enter__(self) -> "Counted":
         self.work, self._before = 0, self._seconds()
 
-        def solve(service: SolverService, problem: Any, *arguments: Any, **options: Any) -> Solution:
+        def solve(service: SolverService, problem: Any, *arguments: Any, **options: Any) -> ProgramSolution:
             solution = Counted.solve(service, problem, *arguments, **options)
             self.work += solution.iterations * problem.intervals
             return solution

@@ -20,10 +20,10 @@ from airrace.files.inputs import load_inputs
 from airrace.files.inputs.document import TRACKS
 from airrace.flights.sensitivity import Activity, Sensitivity
 from airrace.model.parameters import ParameterGroup
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import Certificate, Item, RefinementReason
 from airrace.pages.views.stage_tables import splits_table, stages_table
 from airrace.pages.views.tables import Column, Table
-from airrace.procedure.result import MeshRecord, RefinementReason, StageProvenance, Status
+from airrace.procedure.result import MeshRecord, StageProvenance, Status
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
 

@@ -15,7 +15,7 @@ from airrace.files.inputs.schema import read_entry
 from airrace.files.inputs.settings import BatchEntry
 
 EXAMPLES = DOCS / "examples"
-FAST = {"first_flight.py", "own_problem.py", "read_hdf5.py"}
+FAST = {"first_flight.py", "goddard.py", "own_problem.py", "read_hdf5.py"}
 COMMAND = f'exec "{sys.executable}" -P -m airrace "$@"\n'
 PROGRAMS = sorted(path for path in EXAMPLES.iterdir() if path.suffix in {".py", ".sh"})
 
@@ -33,6 +33,13 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
     command = [sys.executable, path.name] if path.suffix == ".py" else ["sh", "-e", path.name]
     ran = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+@pytest.mark.parametrize(("name", "lines_max"), [("goddard.py", 20), ("free_flying_robot.py", 25)])
+def test_a_textbook_problem_is_stated_in_few_lines(name: str, lines_max: int) -> None:
+    statement, _, _ = (EXAMPLES / name).read_text(encoding="utf-8").partition("solution = ")
+    lines = [line for line in statement.splitlines() if line.strip() and not line.startswith('"""')]
+    assert len(lines) <= lines_max
 
 
 def test_the_yaml_of_the_examples_is_valid() -> None:

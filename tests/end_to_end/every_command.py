@@ -17,7 +17,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     (*OPTIMIZE, "--search", "quick", "--threads", "2"),
     ("resume", RUN, "--from", "point-mass", *POINT_MASS),
     BATCH,
-    *(("export", form, RUN) for form in ("csv", "parquet", "netcdf", "mat")),
+    *(("export", form, RUN) for form in ("csv", "parquet", "netcdf", "mat", "hdf5")),
     *(("export", form, RUN, "--origin", "45,16,150") for form in ("kml", "acmi", "fdr", "czml", "gpx", "geojson")),
     ("import", LOG, "--course", "rovinj_2014", "--time-zone", "Europe/Zagreb"),
     ("report", RUN),

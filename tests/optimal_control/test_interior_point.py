@@ -26,7 +26,7 @@ from airrace.optimal_control.solvers.interface import (
     Multipliers,
     SolverOptions,
 )
-from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import PreparedProblem, ProgramSolution
 from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
@@ -41,7 +41,7 @@ def attempt(
     solver: str = INTERIOR_POINT,
     tolerance: float = 1e-8,
     iterations_max: int = 200,
-) -> Solution:
+) -> ProgramSolution:
     kernels = casadi_kernels(problem.system, problem.scheme)
     options = SolverOptions(tolerance, iterations_max, barrier)
     return PreparedProblem(Layout(problem), kernels, solver, options, threads=1).solve(
@@ -57,7 +57,7 @@ def solved(
     *,
     solver: str = INTERIOR_POINT,
     tolerance: float = 1e-8,
-) -> Solution:
+) -> ProgramSolution:
     solution = attempt(problem, guess, multipliers, barrier, solver=solver, tolerance=tolerance)
     assert solution.success, solution.status
     assert solution.solver == solver
@@ -437,7 +437,7 @@ def test_on_a_finer_mesh_the_multipliers_of_a_limit_add_up_to_the_same() -> None
 # steps that need help
 
 
-def with_idle_control(cost: Callable[[ca.SX], ca.SX], least: float, idle: float) -> Solution:
+def with_idle_control(cost: Callable[[ca.SX], ca.SX], least: float, idle: float) -> ProgramSolution:
     """The optimum of a problem with a control between `least` and 1 that only its cost is of, from a guess of it."""
     x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("p", 0)
     rates = ca.Function("rates", [x, u, p], [ca.vertcat(u[0], 4.0 * cost(u[1]))])

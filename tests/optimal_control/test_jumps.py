@@ -16,7 +16,7 @@ from airrace.optimal_control.optimality import costates, hamiltonian
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.replay import estimate_defect, interval_durations, replay, replay_phases, sample
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.messages import SolveRequest
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem

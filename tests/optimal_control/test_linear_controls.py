@@ -11,9 +11,9 @@ from airrace.optimal_control.optimality import hamiltonian
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import SOLVERS, Solution
+from airrace.optimal_control.solvers.solver import SOLVERS, ProgramSolution
 from airrace.optimal_control.system import System, of_first_states, system_of, with_linear_controls
 
 exactly = Interval.exactly
@@ -82,7 +82,7 @@ CART = system_of("cart", Cart, Push, lambda x, u: Cart(x=x.v, v=u.f, effort=u.f*
 LEAST_EFFORT = 12.0  # over 1 m in 1 s from rest to rest: f = 6 - 12 t
 
 
-def least_effort(system: System, intervals: int, **limits: Interval) -> tuple[Problem, Solution]:
+def least_effort(system: System, intervals: int, **limits: Interval) -> tuple[Problem, ProgramSolution]:
     """Over 1 m in 1 s, from rest to rest, with the least integral of the square of the acceleration."""
     start = Boundary("start", {"x": exactly(0.0), "v": exactly(0.0), "effort": exactly(0.0)})
     end = Boundary("end", {"x": exactly(1.0), "v": exactly(0.0)})
@@ -91,7 +91,7 @@ def least_effort(system: System, intervals: int, **limits: Interval) -> tuple[Pr
     return problem, solved(problem)
 
 
-def solved(problem: Problem, solver: str = "interior-point") -> Solution:
+def solved(problem: Problem, solver: str = "interior-point") -> ProgramSolution:
     n_x, n_u = len(problem.system.states), len(problem.system.controls)
     begin, end = np.zeros(n_x), np.zeros(n_x)
     end[0] = 1.0

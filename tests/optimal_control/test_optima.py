@@ -10,9 +10,9 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, Quantity
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, ProgramSolution
 from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
@@ -48,7 +48,7 @@ def guess(problem: Problem) -> Iterate:
     return interpolate(problem, [2.0 / count] * count, states, [0.3])
 
 
-def optimum(problem: Problem, solver: str = "interior-point") -> Solution:
+def optimum(problem: Problem, solver: str = "interior-point") -> ProgramSolution:
     solution = solve(problem, guess(problem), solver=solver, options=TIGHT)
     assert solution.success, solution.status
     return solution
@@ -154,7 +154,7 @@ def test_a_problem_without_controls_is_solved_for_its_durations(solver: str) -> 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_what_cannot_be_solved_is_answered_not_raised(solver: str) -> None:
-    def attempt(problem: Problem, start: Iterate) -> Solution:
+    def attempt(problem: Problem, start: Iterate) -> ProgramSolution:
         solution = solve(problem, start, solver=solver, options=SolverOptions(iterations_max=100))
         assert not solution.success
         assert solution.status

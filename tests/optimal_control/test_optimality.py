@@ -13,10 +13,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError, costates, errors_in_objective, hamiltonian, kkt_error
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.quantities import Interval, Quantity, T, Vector, quantity, vector
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.messages import SolveRequest
-from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import PreparedProblem, ProgramSolution
 from airrace.optimal_control.solvers.worker import SolveServer
 from airrace.optimal_control.system import Observation, System, system_of
 
@@ -116,7 +116,7 @@ def least_time(intervals: int = 10, **objective: object) -> Problem:
     return Problem(SYSTEM, (), start, phases, objective=Objective(**objective))
 
 
-def solved(problem: Problem) -> Solution:
+def solved(problem: Problem) -> ProgramSolution:
     guess = interpolate(problem, (0.5, 0.5), [[0.0, 0.5, 1.0], [0.0, 1.0, 0.0]], (0.0,))
     options = SolverOptions(tolerance=1e-9)
     solution = solve(problem, guess, options=options)

@@ -24,10 +24,10 @@ from airrace.optimal_control.second_order import (
     direction_below,
     second_order,
 )
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers import solver as solver_module
 from airrace.optimal_control.solvers.interface import Ending, SolverOptions
-from airrace.optimal_control.solvers.solver import STEP_FROM_SADDLE, PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import STEP_FROM_SADDLE, PreparedProblem, ProgramSolution
 from airrace.optimal_control.system import System
 
 exactly = Interval.exactly
@@ -210,7 +210,7 @@ def swing(stiffness: float, intervals: int = 20, lean: float = 0.0, low: float =
     return Problem(system, (), start, phases, Objective(time=0.0, terminal={"cost": 1.0}))
 
 
-def solved(problem: Problem, solver: str, middle: float) -> Solution:
+def solved(problem: Problem, solver: str, middle: float) -> ProgramSolution:
     """The point that a solver finds from a guess that bulges so far."""
     guess = interpolate(problem, [1.0], [[0.0, 0.0], [0.0, 0.0]], [0.0])
     guess.state[0] = middle * np.sin(np.pi * np.linspace(0.0, 1.0, problem.intervals + 1))
@@ -219,7 +219,7 @@ def solved(problem: Problem, solver: str, middle: float) -> Solution:
     return solution
 
 
-def judged(problem: Problem, solution: Solution) -> tuple[SecondOrder, np.ndarray]:
+def judged(problem: Problem, solution: ProgramSolution) -> tuple[SecondOrder, np.ndarray]:
     """The verdict and the direction."""
     found = second_order(problem, solution.iterate, solution.multipliers.constraints)
     assert found is not None

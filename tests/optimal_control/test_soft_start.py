@@ -14,7 +14,7 @@ from airrace.optimal_control.elastic import augment, project
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.soft_start import soften_start
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.system import System
 
 X, U, P = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 0)

@@ -23,12 +23,12 @@ from known_flights import oscillator, rest_to_rest
 from waiting import has_passed, instant, wait_until_gone
 
 from airrace.errors import OutOfTime, SolverCrash
-from airrace.optimal_control import solve as module
+from airrace.optimal_control import program_call as module
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Objective, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers import start
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.messages import (
@@ -41,7 +41,7 @@ from airrace.optimal_control.solvers.messages import (
     SolveRequest,
 )
 from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, ProgramSolution
 from airrace.optimal_control.solvers.worker import ProgressReader, SolveServer
 from airrace.optimal_control.system import System
 
@@ -59,7 +59,7 @@ def solve_by(
     solver: str = "interior-point",
     on_iteration: Callable[[IterationReport], None] | None = None,
     stall_seconds: float | None = None,
-) -> Solution:
+) -> ProgramSolution:
     problem, guess = stated or rest_to_rest()
     options = SolverOptions()
     return service.solve(
@@ -457,7 +457,7 @@ def test_a_problem_that_means_something_else_is_refused_here() -> None:
 
 def test_a_solver_that_does_not_exist_is_an_error_and_no_end() -> None:
     with pytest.raises(SolverCrash, match="no such solver"):
-        solve(*rest_to_rest(), solver="no such solver")
+        module.solve_program(*rest_to_rest(), solver="no such solver")
     assert solve(*rest_to_rest()).success
 
 
@@ -508,8 +508,8 @@ def test_the_solver_process_ends_with_this_one() -> None:
         import os, sys
         sys.path.insert(0, sys.argv[1])
         from known_flights import rest_to_rest
-        from airrace.optimal_control import solve as module
-        assert module.solve(*rest_to_rest()).success
+        from airrace.optimal_control import program_call as module
+        assert module.solve_program(*rest_to_rest()).success
         service = module._SERVICES[os.getpid()]
         print(service._process.pid)
     """)

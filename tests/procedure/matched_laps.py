@@ -12,7 +12,7 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.trajectory import Array, Trajectory
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
@@ -79,7 +79,7 @@ def passing() -> Array:
     return state
 
 
-def violations_of(problem: Problem, solution: Solution) -> tuple[Item, ...]:
+def violations_of(problem: Problem, solution: ProgramSolution) -> tuple[Item, ...]:
     """What the optimum violates, between nodes and at gates."""
     measured = examine(problem, solution.iterate, solution.multipliers.constraints, PLAN.certificate).check
     return tuple(item for item in measured.items if item.name != "replay_defect" and not item.holds)

@@ -10,20 +10,10 @@ import numpy as np
 import pytest
 from races import PLAN, SMALL, prepared, solve_stages
 
-from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item, RefinementReason
 from airrace.optimal_control.constraint_check import ConstraintCheck
-from airrace.optimal_control.mesh_refinement import restrict
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
-from airrace.optimal_control.quantities import Interval, Quantity
-from airrace.optimal_control.replay import replay
-from airrace.optimal_control.runge_kutta import RK4
-from airrace.optimal_control.solvers.service import SolverService
-from airrace.optimal_control.system import System
-from airrace.procedure import mesh_loop
-from airrace.procedure.certification import Evidence, certify
-from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.mesh_proposals import (
+from airrace.optimal_control.evidence import Evidence
+from airrace.optimal_control.mesh_proposals import (
     COARSEN_BELOW,
     PARTS_MAX,
     MeshProposal,
@@ -38,7 +28,18 @@ from airrace.procedure.mesh_proposals import (
     refine_guess,
     refine_predicted,
 )
-from airrace.procedure.result import RefinementReason, Silent, StageResult
+from airrace.optimal_control.mesh_refinement import restrict
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.quantities import Interval, Quantity
+from airrace.optimal_control.replay import replay
+from airrace.optimal_control.runge_kutta import RK4
+from airrace.optimal_control.solvers.service import SolverService
+from airrace.optimal_control.system import System
+from airrace.procedure import mesh_loop
+from airrace.procedure.certification import certify
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.settings import LONG_RACE, CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
@@ -79,7 +80,7 @@ def flown(
         measured[name][list(values)] = list(values.values())
     audited = ConstraintCheck((), measured["defect"], measured["excess"])
     evidence = Evidence(replay(problem, iterate), audited, measured["drift"], measured["integration"])
-    return MeshSolution(problem, iterate, MeshProposal.first(problem, iterate), lambda: evidence)
+    return MeshSolution(problem, iterate, MeshProposal.first(problem, iterate), sum(durations), lambda: evidence)
 
 
 def counts(proposal: MeshProposal) -> list[int]:
@@ -158,7 +159,9 @@ def test_phase_keeps_a_few_intervals() -> None:
         problem = on_mesh(solved.problem, proposal.mesh)
         still = np.zeros(problem.intervals)
         evidence = Evidence(replay(problem, proposal.guess), ConstraintCheck((), still, still), still, still)
-        solved = MeshSolution(problem, proposal.guess, proposal, functools.partial(lambda one: one, evidence))
+        solved = MeshSolution(
+            problem, proposal.guess, proposal, solved.value, functools.partial(lambda one: one, evidence)
+        )
     assert proposal is None
 
 
@@ -352,7 +355,7 @@ def finer(before: MeshSolution, gained: float, **varied: float) -> MeshSolution:
     for name, difference in varied.items():
         control[0, 2 * int(name[1:])] = difference
     iterate = replace(proposal.guess, durations=proposal.guess.durations * (1.0 - gained / 3.0), control=control)
-    return MeshSolution(problem, iterate, proposal, before.measure)
+    return MeshSolution(problem, iterate, proposal, float(iterate.durations.sum()), before.measure)
 
 
 def test_intervals_that_gained_stay_fine_with_their_neighbours_and_the_others_go_back() -> None:
@@ -493,10 +496,10 @@ def test_the_first_solve_has_the_iterations_of_its_start() -> None:
 
 def test_limit_of_a_long_race_grows_with_its_duration() -> None:
     for duration in (1.0, 55.0, 80.0, LONG_RACE):
-        assert LIMITS.race_time_of(duration) == LIMITS.race_time
+        assert LIMITS.change_of(duration) == LIMITS.race_time
     for races in (2, 64):
-        assert LIMITS.race_time_of(races * LONG_RACE) == pytest.approx(races * LIMITS.race_time, rel=1e-15)
-    assert replace(LIMITS, race_time=0.002).race_time_of(3.0 * LONG_RACE) == pytest.approx(0.006, rel=1e-15)
+        assert LIMITS.change_of(races * LONG_RACE) == pytest.approx(races * LIMITS.race_time, rel=1e-15)
+    assert replace(LIMITS, race_time=0.002).change_of(3.0 * LONG_RACE) == pytest.approx(0.006, rel=1e-15)
 
 
 @pytest.mark.parametrize(("share", "holds"), [(0.9, True), (1.1, False)])

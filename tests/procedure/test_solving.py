@@ -17,7 +17,7 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport
 from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess, phase_piece
 from airrace.procedure.homotopy import SMALLEST_STEP, fixed_state, solve_homotopy
@@ -67,7 +67,7 @@ class Canned(SolverService):
         on_iteration: Callable[[IterationReport], None] | None = None,
         threads: int | None = None,
         stall_seconds: float | None = None,
-    ) -> Solution:
+    ) -> ProgramSolution:
         self.asked.append((solver, options, problem))
         self.known.append(multipliers)
         self.threads.append(threads)
@@ -77,7 +77,7 @@ class Canned(SolverService):
         if verdict in (FAULTY, KILLED):
             raise SolverCrash("the solver process died", -(signal.SIGSEGV if verdict == FAULTY else 9))
         layout = Layout(problem)
-        return Solution(
+        return ProgramSolution(
             solver=solver,
             status=verdict,
             success=verdict in ("solved", "inexact"),
@@ -148,7 +148,7 @@ class Exhausted(Canned):
 
     gained, violation = 1.0, 1e-3
 
-    def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
+    def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> ProgramSolution:
         found = super().solve(problem, guess, **rest)
         faster = dataclasses.replace(guess, durations=guess.durations - self.gained / len(guess.durations))
         kkt = KktError(self.violation, 1.0, 0.0)
@@ -327,7 +327,7 @@ def test_a_phase_that_failed_is_not_tried_again_on_another_lap() -> None:
     stage_problem = prepared(SIXTEEN)
 
     class Failing(Canned):
-        def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
+        def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> ProgramSolution:
             found = super().solve(problem, guess, **rest)
             return dataclasses.replace(found, success=not problem.phases[-1].name.endswith(f":{name}"))
 

@@ -8,9 +8,9 @@ from races import OPTIMA, PLAN, SMALL, models_of, prepared, solve_stages
 from test_solving import STALLED, Canned, asked
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
+from airrace.optimal_control.evidence import Evidence
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import mesh_loop
-from airrace.procedure.certification import Evidence
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.mesh_loop import solve_certified, solve_from_starts
 from airrace.procedure.procedure import solve_stage_above

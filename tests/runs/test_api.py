@@ -222,6 +222,15 @@ def test_a_missing_package_is_said_in_one_sentence(
         getattr(run["point-mass"], method)()
 
 
+def test_a_data_frame_says_what_it_is_as_a_dataset_does(run: Run) -> None:
+    pytest.importorskip("pandas")
+    pytest.importorskip("xarray")
+    view = run["point-mass"]
+    attributes = view.to_dataframe().attrs
+    assert attributes == view.to_xarray().attrs
+    assert attributes["stage"] == "point-mass"
+
+
 def test_all_names_of_the_package_lead_somewhere() -> None:
     assert sorted(airrace.__all__) == airrace.__all__ == dir(airrace)
     for name in airrace.__all__:

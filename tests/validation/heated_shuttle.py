@@ -12,7 +12,7 @@ from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate
 from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.system import system_of, with_linear_controls
 
 g_0, m = 32.174, 203000.0 / 32.174  # ft/s2, slug
@@ -81,7 +81,7 @@ SHUTTLE = system_of("shuttle", State, Attitude, rates, Path=Heating, path=heatin
 SYSTEM = with_linear_controls(SHUTTLE, seconds=100.0)
 
 
-def latitude(solution: Solution) -> float:
+def latitude(solution: ProgramSolution) -> float:
     """Reached at the end, in degrees."""
     return float(solution.iterate.state[1, -1]) / DEGREE
 

@@ -20,7 +20,7 @@ from textbook import known_answers, refinements
 
 from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 
 REFINEMENTS = 2
 ORDER_TOLERANCE = 0.2
@@ -53,7 +53,7 @@ def answers_table() -> Table:
     return Table(headings, (2, 3, 6, 7, 10, 11), rows)
 
 
-def answer_rows(answer: KnownAnswer, solution: Solution) -> Iterable[Row]:
+def answer_rows(answer: KnownAnswer, solution: ProgramSolution) -> Iterable[Row]:
     """Of one problem; what is said of the whole solution stands in the first of them."""
     about = (mesh(answer.problem), answer.problem.scheme.name, f"{solution.seconds:.2f}", str(solution.iterations))
     for index, value in enumerate(answer.values):

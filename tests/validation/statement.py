@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.quantities import Interval
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 
 exactly = Interval.exactly
 
@@ -34,7 +34,7 @@ class Value:
     published: str
     source: str
     tolerance: float
-    of: Callable[[Solution], float]
+    of: Callable[[ProgramSolution], float]
     closed_form: bool = False
 
 
@@ -48,7 +48,7 @@ class KnownAnswer:
     values: tuple[Value, ...]
     options: SolverOptions = field(default_factory=lambda: SolverOptions(tolerance=1e-9))
 
-    def solve(self, solver: str = "interior-point") -> Solution:
+    def solve(self, solver: str = "interior-point") -> ProgramSolution:
         """The optimum by a solver, without compiled kernels."""
         return solve(self.problem, self.guess, solver=solver, options=self.options)
 
@@ -58,5 +58,5 @@ def least_time(published: float, tolerance: float) -> Value:
     return Value("least time", "s", f"{published:.10f}", "closed form", tolerance, objective, closed_form=True)
 
 
-def objective(solution: Solution) -> float:
+def objective(solution: ProgramSolution) -> float:
     return solution.objective

@@ -9,7 +9,7 @@ import pytest
 from sliding_mass import sliding_mass
 
 from airrace.optimal_control.casadi_nlp import to_casadi
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 
 
 def test_another_solver_finds_the_same_optimum_of_the_same_program() -> None:

@@ -17,7 +17,7 @@ from textbook import known_answers
 
 from airrace.optimal_control.problem import interpolate
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RungeKutta
-from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.solvers.interface import Ending
 
 both_solvers = pytest.mark.parametrize("solver", ["interior-point", "ipopt"])

@@ -13,7 +13,9 @@ import goddard_rocket
 import hang_glider
 import hanging_chain
 import heated_shuttle
+import least_time_turn
 import level_turn
+import limited_rocket
 import lofted_rocket
 import moon_lander
 import numpy as np
@@ -28,7 +30,7 @@ from statement import KnownAnswer
 
 from airrace.optimal_control.mesh_refinement import divide
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 
 PROBLEMS = (
     sliding_mass,
@@ -51,6 +53,8 @@ PROBLEMS = (
     fuller,
     moon_lander,
     quadrotor,
+    least_time_turn,
+    limited_rocket,
 )
 
 
@@ -59,7 +63,7 @@ def known_answers() -> tuple[KnownAnswer, ...]:
     return tuple(answer for problem in PROBLEMS for answer in problem.known_answers())
 
 
-def refined(answer: KnownAnswer, solution: Solution) -> KnownAnswer:
+def refined(answer: KnownAnswer, solution: ProgramSolution) -> KnownAnswer:
     """The same with every interval halved, to be solved from where the solution is."""
     problem = answer.problem
     twice = np.full(problem.intervals, 2)
@@ -69,7 +73,7 @@ def refined(answer: KnownAnswer, solution: Solution) -> KnownAnswer:
     return replace(answer, problem=replace(problem, phases=phases), guess=guess, options=options)
 
 
-def refinements(answer: KnownAnswer, count: int) -> Iterator[tuple[KnownAnswer, Solution]]:
+def refinements(answer: KnownAnswer, count: int) -> Iterator[tuple[KnownAnswer, ProgramSolution]]:
     """The answer on its own mesh, then on finer ones."""
     yield answer, (solution := answer.solve())
     for _ in range(count):

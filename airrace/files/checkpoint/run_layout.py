@@ -13,9 +13,10 @@ from airrace.files.checkpoint.checkpoint import Checkpoint, StoredAttempt, Store
 from airrace.files.checkpoint.codec import Hint, RecordLayout
 from airrace.files.checkpoint.hdf5 import Attribute, Reader, Writer
 from airrace.model.frames import QUATERNION
+from airrace.optimal_control.certificate import RefinementReason
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array, Indices, Trajectory
-from airrace.procedure.result import OUTCOMES, MeshRecord, RefinementReason, StageResult
+from airrace.procedure.result import OUTCOMES, MeshRecord, StageResult
 from airrace.procedure.stage import STAGES, Stage
 
 SCHEMA = 7

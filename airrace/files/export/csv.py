@@ -6,7 +6,7 @@ The stream is to be opened with `newline=""`. Numbers have ten significant digit
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -32,6 +32,19 @@ class FlightOrigin:
     track: str
     stamp: Stamp
     version: str
+
+    def attributes(self, result: StageResult) -> dict[str, Any]:  # Any: texts and a number
+        """Return what the flight of a stage is, for the head of a dataset or a data frame."""
+        return {
+            "track": self.track,
+            "aircraft": self.stamp.aircraft,
+            "stage": result.stage.value,
+            "race_time_s": result.trajectory.race_time if result.is_flight else float("nan"),
+            "status": result.status.value,
+            "certified": str(result.certified).lower(),
+            **self.stamp.properties(),
+            "airrace_version": self.version,
+        }
 
 
 def export_csv(

@@ -95,7 +95,11 @@ for _name, _rate_hz, _help in (
     _writer = f"airrace.files.export.{_module}:{_name}"
     register(Format(_name, _help, _writer, _rate_hz, globe=True, has_models=_name == "fdr"))
 _PARQUET = "Parquet: all histories of all flights in one table (needs pyarrow)."
-_NETCDF = "netCDF after the CF conventions: all histories with units; every flight is a trajectory."
+_NETCDF = "netCDF after the CF conventions: all histories and the duals of an optimum, with units."
 register(Format("parquet", _PARQUET, "airrace.files.export.parquet:parquet"))
 register(Format("netcdf", _NETCDF, "airrace.files.export.netcdf:netcdf", suffix="nc"))
-register(Format("mat", "MATLAB: a structure for every flight.", "airrace.files.export.mat:mat"))
+register(
+    Format("mat", "MATLAB: a structure for every flight, with the duals of an optimum.", "airrace.files.export.mat:mat")
+)
+_HDF5 = "HDF5: histories and, of an optimum, mesh, phases, costates and multipliers by name."
+register(Format("hdf5", _HDF5, "airrace.files.export.hdf5:hdf5", suffix="hdf5"))

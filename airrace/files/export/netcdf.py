@@ -1,16 +1,20 @@
 """NetCDF files, and datasets of xarray."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from airrace.files.export.csv import FlightOrigin
+from airrace.files.export.earth import EARTH, earth_histories
 from airrace.files.export.flight_table import FlightTable
 from airrace.files.export.globe import all_histories, stamp
+from airrace.files.export.optimum import optimum_variables
 from airrace.flights.results import Flight
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.result import StageResult
 from airrace.runtime.resources import extra
 
@@ -22,7 +26,8 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     """Return a netCDF file of all histories in SI units and radians along the dimension `obs`, flight after flight.
 
     `rowSize` says how many of them belong to each flight, `flight` what it is called. A history that a flight does not
-    have is NaN. Units, meanings and where values come from are attributes.
+    have is NaN. Units, meanings and where values come from are attributes. What belongs to an optimum is over `node`,
+    `interval`, `phase` and `limit`; where there are several flights, the names end in the flight's number, from 1.
     """
     # Imported here: no other format but MATLAB's needs scipy. ignore: untyped in scipy.
     from scipy.io import netcdf_file  # pyright: ignore[reportUnknownVariableType]
@@ -50,11 +55,14 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     time[:] = np.concatenate([flight.time for flight in flights])
     time.units = f"seconds since {stamp(begin, 0.0)[:-1].removesuffix('.000').replace('T', ' ')}"
     time.long_name, time.standard_name, time.axis = "time since the start", "time", "T"
-    for name, history in all_histories(flights).items():
+    renamed = [replace(flight, histories=earth_histories(flight.histories)) for flight in flights]
+    for name, history in all_histories(renamed).items():
         variable = file.createVariable(name, "d", ("obs",))
-        variable[:] = np.concatenate([flight.values(name) for flight in flights])
+        variable[:] = np.concatenate([flight.values(name) for flight in renamed])
         variable.units, variable.long_name = history.quantity.unit, _text(history.quantity.text or name)
         variable.basis = history.basis.value
+    for number, flight in enumerate(flights, start=1):
+        _write_optimum(file, flight, f"_{number}" if len(flights) > 1 else "")
     file.flush()
     content = buffer.getvalue()
     file.close()
@@ -69,15 +77,32 @@ _PROPERTIES = {
 }
 
 
-def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
+def _write_optimum(file: Any, flight: Flight, suffix: str) -> None:  # Any: untyped in scipy
+    """Write mesh, phases and duals of an optimum, with a suffix to all names."""
+    for variable in optimum_variables(flight):
+        name, dimension, values = f"{variable.name}{suffix}", f"{variable.dimension}{suffix}", variable.values
+        if dimension not in file.dimensions:
+            file.createDimension(dimension, len(values))
+        if values.dtype.kind == "U":
+            _texts(file, name, values.tolist(), variable.attributes, dimension)
+            continue
+        written = file.createVariable(name, "i" if values.dtype.kind == "i" else "d", (dimension,))
+        written[:] = values
+        for key, value in variable.attributes.items():
+            setattr(written, key, _text(value))
+
+
+def _texts(
+    file: Any, name: str, texts: Sequence[str], about: Mapping[str, str], dimension: str = "trajectory"
+) -> None:  # Any: untyped in scipy
     """Write a variable with a row of characters for each text; the classic format knows no strings."""
     encoded = [_text(text).encode() for text in texts]
     width = max(1, *map(len, encoded))
     file.createDimension(f"{name}_length", width)
-    variable = file.createVariable(name, "c", ("trajectory", f"{name}_length"))
+    variable = file.createVariable(name, "c", (dimension, f"{name}_length"))
     variable[:] = np.array([list(text.ljust(width).decode("latin-1")) for text in encoded], "S1")
     for key, value in about.items():
-        setattr(variable, key, value)
+        setattr(variable, key, _text(value))
 
 
 def _text(text: str) -> str:
@@ -86,7 +111,7 @@ def _text(text: str) -> str:
 
 
 def flight_dataset(flight: FlightTable, result: StageResult, provenance: FlightOrigin) -> "Dataset":
-    """Return all states and controls over the dimension `time` (s), and `height` (m, above the track's origin).
+    """Return all states and controls over the dimension `time` (s), with `north`, `east` and `height` for x, y and z.
 
     `phase` is a coordinate: the leg that each time belongs to. Controls are those of the interval in which a time lies.
 
@@ -95,16 +120,11 @@ def flight_dataset(flight: FlightTable, result: StageResult, provenance: FlightO
     """
     xarray: Any = extra("xarray", "a dataset")  # Any: without xarray there are no types
     histories = flight.samples.histories
-    variables = {
-        quantity.name: (
-            "time",
-            histories[quantity.name],
-            {"units": quantity.unit, "long_name": quantity.text or quantity.name},
-        )
-        for quantity in flight.quantities
-    }
-    if "z" in histories:
-        variables["height"] = ("time", -histories["z"], {"units": "m", "long_name": "height above the track's origin"})
+    variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
+    for quantity in flight.quantities:
+        name, sign, text = EARTH.get(quantity.name, (quantity.name, 1.0, quantity.text))
+        about = {"units": quantity.unit, "long_name": text or name}
+        variables[name] = ("time", sign * histories[quantity.name], about)
     return xarray.Dataset(
         variables,
         coords={
@@ -115,14 +135,5 @@ def flight_dataset(flight: FlightTable, result: StageResult, provenance: FlightO
                 {"long_name": "the leg, named after its passings"},
             ),
         },
-        attrs={
-            "track": provenance.track,
-            "aircraft": provenance.stamp.aircraft,
-            "stage": result.stage.value,
-            "race_time_s": result.trajectory.race_time if result.is_flight else float("nan"),
-            "status": result.status.value,
-            "certified": str(result.certified).lower(),
-            **provenance.stamp.properties(),
-            "airrace_version": provenance.version,
-        },
+        attrs=provenance.attributes(result),
     )

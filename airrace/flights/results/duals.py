@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from airrace.flights.results.flight import StoredOptimum
 from airrace.optimal_control import optimality
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.multipliers import MULTIPLIER_SIGN, DualVariable, dual_variables
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.quantities import Quantity
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
@@ -102,6 +105,30 @@ class ConstraintMultipliers:
     def __repr__(self) -> str:
         active = int(np.count_nonzero(np.abs(self.values) > 1e-9))
         return f"<ConstraintMultipliers of {len(self.names)} limits, {active} of them active>"
+
+
+@dataclass(frozen=True, eq=False)
+class OptimumArrays:
+    """The duals of an optimum by name.
+
+    Attributes:
+        duals: costates, Hamiltonian, and the multipliers of everything that is limited, added up at every node.
+        limits: the same of limits on path quantities and at passings, one by one.
+        sign: what the sign of a multiplier means.
+    """
+
+    duals: tuple[DualVariable, ...]
+    limits: "ConstraintMultipliers"
+    sign: str = MULTIPLIER_SIGN
+
+
+def optimum_arrays(stored: StoredOptimum) -> OptimumArrays:
+    """Return the duals of a stored optimum, in seconds per unit."""
+    result = stored.result
+    problem, iterate = discretise(stored.race, stored.settings, result)
+    solved = Multipliers(result.constraint_multipliers, result.bound_multipliers)
+    duals = dual_variables(Layout(problem), iterate, solved, "s")
+    return OptimumArrays(tuple(duals), multipliers(problem, result))
 
 
 def discretise(race: Race, settings: Settings, result: StageResult) -> tuple[Problem, Iterate]:

@@ -6,7 +6,7 @@ Flights of every source use these names. Angles are in radians; headings count c
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import Enum
 
@@ -21,7 +21,8 @@ from airrace.model.frames import QUATERNION
 from airrace.model.track.course import Course, Passage
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.trajectory import Array
-from airrace.procedure.result import Status
+from airrace.procedure.result import StageResult, Status
+from airrace.procedure.settings import Settings
 from airrace.race import Race
 
 GLOSSARY = {
@@ -156,6 +157,15 @@ class Verification:
         return self.words if self.verified is False else ""
 
 
+@dataclass(frozen=True, eq=False)
+class StoredOptimum:
+    """An optimum with what its problem is stated from."""
+
+    race: Race
+    settings: Settings
+    result: StageResult
+
+
 @dataclass(frozen=True)
 class Source:
     """The source of a flight: what it is called, and where it comes from.
@@ -173,6 +183,7 @@ class Source:
         begins: when the flight's clock starts; None where it is unknown, as of an optimum.
         penalties: of what is certain in a recorded flight, in words; empty for what is no recorded one.
         displaced: sentences on the gates that by several recorded flights stand elsewhere, where these are judged.
+        optimum: of which the multipliers are known; else None.
     """
 
     label: str
@@ -187,6 +198,7 @@ class Source:
     begins: datetime | None = None
     penalties: str = ""
     displaced: tuple[str, ...] = ()
+    optimum: StoredOptimum | None = field(default=None, compare=False, repr=False)
 
     @property
     def certified(self) -> bool | None:

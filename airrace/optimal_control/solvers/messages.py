@@ -18,7 +18,7 @@ import casadi as ca
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.system import SYMBOLS, System
 
 PREPARED_INTERVALS = 600
@@ -74,7 +74,7 @@ class WorkerFailure:
     text: str
 
 
-Reply = IterationReport | Notice | Solution | WorkerFailure
+Reply = IterationReport | Notice | ProgramSolution | WorkerFailure
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import acquire, messages
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport, Reply
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.system import Observation, System
 from airrace.runtime.process import SYSTEM_ERROR
 
@@ -125,7 +125,7 @@ class SolverService:
         on_iteration: Callable[[IterationReport], None] | None = None,
         threads: int | None = None,
         stall_seconds: float | None = None,
-    ) -> Solution:
+    ) -> ProgramSolution:
         """Solve a problem in the solver process.
 
         Args:
@@ -159,12 +159,12 @@ class SolverService:
             raise
         return solution
 
-    def _solution(self, timeout: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
+    def _solution(self, timeout: float, on_iteration: Callable[[IterationReport], None] | None) -> ProgramSolution:
         """Return the solution of the request that the process works on."""
         while True:
             with self._diagnose_death():
                 reply = self._receive(timeout)
-            if isinstance(reply, Solution):
+            if isinstance(reply, ProgramSolution):
                 return reply
             if isinstance(reply, messages.WorkerFailure):
                 raise SolverCrash(f"the solver process failed:\n{reply.text}")

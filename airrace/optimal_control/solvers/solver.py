@@ -1,6 +1,7 @@
 """The solution of a transcribed problem: one nonlinear program, two solvers, one form of answer.
 
-A solve that fails is a value: `Solution.success` is False, `ending` says why, `status` in the solver's own words.
+A solve that fails is a value: `ProgramSolution.success` is False, `ending` says why, `status` in
+the solver's own words.
 """
 
 import time
@@ -33,7 +34,7 @@ from airrace.optimal_control.trajectory import Array
 
 
 @dataclass(frozen=True)
-class Solution:
+class ProgramSolution:
     """The answer of a solver, whether it found an optimum or not.
 
     Attributes:
@@ -86,7 +87,7 @@ class Solution:
         *,
         iterations: int = 0,
         seconds: float = 0.0,
-    ) -> "Solution":
+    ) -> "ProgramSolution":
         """Return what is known where no solver came back, or none was asked: the guess, of which nothing is measured.
 
         Args:
@@ -145,7 +146,7 @@ class PreparedProblem:
         self._name = solver if isinstance(solver, str) else solver.__name__
         self._solver = (SOLVERS[solver] if isinstance(solver, str) else solver)(self._functions, options)
 
-    def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
+    def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> ProgramSolution:
         """Solve with the values of `layout.problem`, which must have the structure this was prepared for."""
         bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
         p = layout.parameter_values()
@@ -175,7 +176,7 @@ class PreparedProblem:
         elif ending is Ending.OPTIMAL:
             ending, status = Ending.ACCEPTABLE, f"{status}; its errors are measured to be larger than asked"
         seconds = time.perf_counter() - started
-        return Solution(
+        return ProgramSolution(
             solver=self._name,
             ending=ending,
             status=status,

@@ -33,7 +33,7 @@ from airrace.optimal_control.solvers.messages import (
     SolveRequest,
     WorkerFailure,
 )
-from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import PreparedProblem, ProgramSolution
 from airrace.optimal_control.system import System
 from airrace.runtime import process
 
@@ -104,7 +104,7 @@ class SolveServer:
         self._kernels: dict[tuple[Numbers, RungeKutta], Kernels] = {}
         self._prepared: dict[Structure, tuple[PreparedProblem, int]] = {}
 
-    def solve(self, request: SolveRequest) -> Solution:
+    def solve(self, request: SolveRequest) -> ProgramSolution:
         """Solve a request, with what was prepared for an earlier one of the same structure."""
         layout = Layout(request.problem)
         key = self._key(layout, request)

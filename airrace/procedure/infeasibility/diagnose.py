@@ -234,7 +234,7 @@ class Trials:
                 None, certified=False, work=work, was_tried=remaining >= trial_work or not budget.exhausted
             )
         optimum = outcome.coarser
-        return TrialFlight(optimum.race_time, certified=False, work=work, guess=(optimum.problem.mesh, optimum.iterate))
+        return TrialFlight(optimum.value, certified=False, work=work, guess=(optimum.problem.mesh, optimum.iterate))
 
 
 def _start_near(race: Race, near: Relaxed) -> Start:

@@ -28,7 +28,7 @@ from airrace.optimal_control.optimality import costates
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
@@ -167,7 +167,7 @@ class ElasticSolver:
             return None
         return self._relaxed(problem, solution, nominal, relaxed)
 
-    def _relaxed(self, problem: Problem, solution: Solution, nominal: Problem, milder: Problem) -> Relaxed:
+    def _relaxed(self, problem: Problem, solution: ProgramSolution, nominal: Problem, milder: Problem) -> Relaxed:
         """Return the relaxed flight with the multipliers of its limits and the attribution of each place."""
         layout, lam = Layout(problem), solution.multipliers.constraints
         owners = {id(observer.bounds): owner for owner, observer in _observers(problem)}

@@ -21,7 +21,7 @@ from airrace.optimal_control.replay import estimate_defect
 from airrace.optimal_control.solvers import INTERIOR_POINT
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.service import SolverEnded, SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.planning.plan import Plan
@@ -148,7 +148,7 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
     coarse, before = None, start.before
     for _ in range(MESHES_MAX):
         problem = start.stage_problem.problem(mesh)
-        solution: Solution | None = None
+        solution: ProgramSolution | None = None
         if before is not None:
             multipliers = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
             solution = try_solve(service, problem, iterate, barrier, KNOWN_ITERATIONS_MAX, multipliers)
@@ -177,7 +177,7 @@ def try_solve(
     barrier: InitialBarrier,
     iterations: int = ITERATIONS_MAX,
     multipliers: Multipliers | None = None,
-) -> Solution | None:
+) -> ProgramSolution | None:
     """Solve once within a budget of iterations; return None if the solver crashed or hung.
 
     Raises:
@@ -204,7 +204,7 @@ def try_solve(
         return None
 
 
-def objective_error(problem: Problem, solution: Solution) -> Array:
+def objective_error(problem: Problem, solution: ProgramSolution) -> Array:
     """Return the time by which each phase of an optimum is too fast because of its mesh alone, s; shape (n,).
 
     It is infinite where it cannot be estimated.

@@ -309,9 +309,13 @@ def test_a_dataset_holds_every_history_in_its_own_unit() -> None:
     np.testing.assert_array_equal(dataset["time"], trajectory.time)
     for declared, rows in ((trajectory.states, trajectory.state), (trajectory.controls, trajectory.control)):
         for quantity, row in zip(declared, rows, strict=True):
-            held = dataset[quantity.name]
+            name, sign = {"x": ("north", 1.0), "y": ("east", 1.0), "z": ("height", -1.0)}.get(
+                quantity.name, (quantity.name, 1.0)
+            )
+            held = dataset[name]
             assert held.attrs["units"] == quantity.unit
-            np.testing.assert_array_equal(held.values[: len(row)], row)
+            np.testing.assert_array_equal(held.values[: len(row)], sign * row)
+    assert not {"x", "y", "z"} & set(dataset.variables)
     assert set(dataset["phase"].values.tolist()) == set(trajectory.phases)
     assert dataset.attrs["race_time_s"] == trajectory.race_time
     assert dataset.attrs["aircraft"] == STAMP.aircraft

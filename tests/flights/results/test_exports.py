@@ -31,6 +31,7 @@ from airrace.errors import UsageError
 from airrace.files.export.aircraft_model import collada, glb
 from airrace.files.export.csv import export_flight_csv
 from airrace.files.export.czml import czml, earth_axes
+from airrace.files.export.earth import earth_histories
 from airrace.files.export.fdr import fdr
 from airrace.files.export.formats import Format, formats, register
 from airrace.files.export.geojson import geojson
@@ -309,10 +310,11 @@ def test_netcdf_is_read_by_xarray() -> None:
     for one, end in zip(flights, ends, strict=True):
         rows = slice(end - len(one.time), end)
         np.testing.assert_array_equal(data["time"].values[rows], one.time)
-        for name, history in one.histories.items():
+        for name, history in earth_histories(one.histories).items():
             np.testing.assert_array_equal(data[name].values[rows], history.values)
             assert data[name].attrs["units"] == history.quantity.unit
             assert data[name].attrs["basis"] == history.basis.value
+    assert not {"x", "y", "z", "node_time"} & set(data.variables)
     assert data["time"].attrs["units"] == "seconds since 2000-01-01 12:00:00"
 
 

@@ -14,7 +14,7 @@ from waiting import PATIENCE
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.service import SolverEnded, SolverPool, SolverService
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.procedure.multistart.coarse_solution import try_solve
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.warm_start import InitialBarrier
@@ -107,10 +107,10 @@ def test_process_that_was_started_anew_in_the_pool_does_not_die_with_it() -> Non
     """On Linux a process ends with the thread that has started it."""
     coarse = planned_coarse_solution(SMALL)
 
-    def solve(service: SolverService, _: object = None) -> Solution | None:
+    def solve(service: SolverService, _: object = None) -> ProgramSolution | None:
         return try_solve(service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
 
-    def solve_anew(service: SolverService, _: object) -> Solution | None:
+    def solve_anew(service: SolverService, _: object) -> ProgramSolution | None:
         service.stop()
         return solve(service)
 

@@ -1,4 +1,4 @@
-"""The solution of one problem with one call, in a process that can be ended.
+"""The solution of one discretised problem with one call, in a process that can be ended.
 
 A solver may take long to come back from a guess that is bad enough, without a callback in which it could be stopped. So
 the solve happens in a solver process of its own, see `service.py`, which is started by the first call, serves all
@@ -10,41 +10,38 @@ import atexit
 import os
 import threading
 import time
-from dataclasses import replace
-
-import numpy as np
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers import INTERIOR_POINT
-from airrace.optimal_control.solvers.interface import Ending, SolverOptions
+from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport
 from airrace.optimal_control.solvers.service import STALL_SECONDS, SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import ProgramSolution
 
 
-def solve(
+def solve_program(
     problem: Problem,
     guess: Iterate,
     *,
     solver: str = INTERIOR_POINT,
     options: SolverOptions | None = None,
+    multipliers: Multipliers | None = None,
     stall_seconds: float = STALL_SECONDS,
-) -> Solution:
-    """Solve a problem from a guess.
+) -> ProgramSolution:
+    """Solve a problem on its mesh from a guess.
 
     Args:
         problem: what is to be optimised.
         guess: where the solver begins, in SI.
         solver: one of the names in `solvers.SOLVERS`.
         options: tolerance, iterations and barrier; by default those of `SolverOptions`.
+        multipliers: a guess of them; None if nothing is known.
         stall_seconds: longest wait for the next iteration, the first one and what is prepared before it included, s.
 
     Returns:
-        What the solver answers, and how far an independent integrator strays from it within an interval
-        (`replay_error`): `success` speaks of the mesh alone. A solve that finishes no iteration in time is a failed one
-        like any other: its `status` says so, its iterate is the guess, and its errors are NaN.
+        What the solver answers. A solve that finishes no iteration in time is a failed one like any other: its `status`
+        says so, its iterate is the guess, and its errors are NaN.
 
     Raises:
         ValueError: the problem does not say what it seems to say, see `require_valid`, or the guess has other shapes.
@@ -54,23 +51,21 @@ def solve(
     started, reports = time.perf_counter(), list[IterationReport]()
     with _LOCK:
         try:
-            solution = _service().solve(
+            return _service().solve(
                 problem,
                 guess,
                 solver=solver,
                 options=options or SolverOptions(),
+                multipliers=multipliers,
                 on_iteration=reports.append,
                 stall_seconds=stall_seconds,
             )
         except SolverTimeout as stalled:
             seconds = time.perf_counter() - started
             iterations = reports[-1].number if reports else 0
-            return Solution.without_answer(
+            return ProgramSolution.without_answer(
                 problem, guess, solver, Ending.TIMEOUT, str(stalled), iterations=iterations, seconds=seconds
             )
-    if not solution.success:
-        return solution
-    return replace(solution, replay_error=float(np.abs(replay(problem, solution.iterate).defect).max()))
 
 
 _LOCK = threading.Lock()  # a solver process serves one request at a time

@@ -10,20 +10,19 @@ Summed over a race that is a third to two thirds of what halving all intervals g
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.optimal_control.certificate import RefinementReason
+from airrace.optimal_control.evidence import Evidence
 from airrace.optimal_control.mesh_refinement import Marks, Mesh, divide, inherited_nodes, restrict, widen
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, estimate_error, interval_durations
 from airrace.optimal_control.trajectory import Array, Indices
-from airrace.procedure.certification import Evidence
-from airrace.procedure.result import RefinementReason
-from airrace.procedure.settings import CertificateLimits
 
 SAFETY = 0.5
 """Share that a mesh is made to keep. With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes
@@ -71,38 +70,29 @@ ERROR_UNTRUSTED = 1e-2
 Rovinj and of the half Cuban eight are the same with 1e-3 and with 0.1."""
 ADAPTATIONS_MAX = 2
 """Number of adaptations of a first mesh that is not wrong, before its intervals are halved."""
-ROUGH_TOLERANCE = 1e-4
-"""The solver's tolerance on a mesh that only leads to the single good one, and of a stage that only leads to the next
-one. On Rovinj such a solve takes 23 to 31 iterations instead of 29 to 38. Race times of such stages are up to 29 ms too
-long on 13 courses; those of two routes by the same amount within 2 ms, on two. With 1e-3 they are up to 170 ms too
-long, and all stages above the point mass take a tenth fewer iterations and end in the same optimum."""
-ROUGH_KKT_ERROR = 1e-3
-"""The largest error of the conditions of optimality after such a solve, scaled: ten times its tolerance, as the
-certificate allows of the settings' tolerance, for both measure on scales of their own."""
-BISECT_ALL_ABOVE = 1 / 3
-"""Share of the point mass's intervals to be cut from which on all are halved. If one interval still misses a limit,
-another solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to need it,
-43 to 82 % of them, and in none when all were halved."""
 GROWTH_MAX = 6.0
 """Multiple of a first mesh beyond which no finer one is tried. Meshes on the shipped courses become 2.4 times as fine
 at most. Where a limit is missed on every mesh, ever more intervals would be cut into four."""
 GROWTH_FROM = 300
 """Number of intervals that a first mesh is taken to have at least for that: small ones have time to spare. A U-turn
 within an airspace begins with 76 intervals and takes 1,562."""
-CLEARANCE_ROUNDS_MAX = 6
-"""Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons."""
-CLEARANCE_SAFETY = 0.3
-"""Share of the certificate's limit by which a clearance may be missed on a mesh whose intervals are halved next."""
-FAR_VIOLATION = 1.0
-"""Length by which a clearance is missed beyond which multipliers of the flight that misses it mislead, m."""
-EXCESS_LEFT_MAX = 0.9
-"""Share to which a solve has to bring what wings keep needlessly away from pylons for another one to follow."""
 
 
-def rough_limits(limits: CertificateLimits) -> CertificateLimits:
-    """Return the limits of an optimum that the next stage starts from: solved roughly, and not made of errors."""
-    kkt_error = max(ROUGH_KKT_ERROR, limits.kkt_error)
-    return replace(limits, kkt_error=kkt_error, replay=ERROR_UNTRUSTED)
+class MeshLimits(Protocol):
+    """What a mesh is made to keep: the limits of a race's certificate, or of that of any other problem.
+
+    `replay` is of each interval's deviation, scaled; `hamiltonian` of the drift, in the unit that this is measured in.
+    """
+
+    @property
+    def replay(self) -> float: ...
+
+    @property
+    def hamiltonian(self) -> float: ...
+
+    def change_of(self, value: float, /) -> float:
+        """Return by how much an optimum of this value may change when all intervals are halved, in its unit."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +125,15 @@ class MeshProposal:
 
 @dataclass(frozen=True)
 class MeshSolution:
-    """An optimum on a mesh; `measure` makes its `evidence` when that is first asked for."""
+    """An optimum on a mesh; `measure` makes its `evidence` when that is first asked for.
+
+    `value` is what a finer mesh changes, and two meshes are compared by: a race time, or the objective.
+    """
 
     problem: Problem
     iterate: Iterate
     proposal: MeshProposal
+    value: float
     measure: Callable[[], Evidence]
 
     @cached_property
@@ -147,13 +141,8 @@ class MeshSolution:
         """The measurements of the optimum."""
         return self.measure()
 
-    @property
-    def race_time(self) -> float:
-        """The race time, s."""
-        return float(self.iterate.durations.sum())
 
-
-def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, joining: bool) -> MeshProposal | None:
+def adapt(optimum: MeshSolution, limits: MeshLimits, *, early: bool, joining: bool) -> MeshProposal | None:
     """Return a better first mesh; None if the present one will do.
 
     Args:
@@ -162,7 +151,7 @@ def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, join
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
     held = HOLD_SAFETY * predict_hold_cost(optimum.problem, optimum.iterate)
-    change = limits.race_time_of(optimum.race_time)
+    change = limits.change_of(optimum.value)
     untrusted = ~(optimum.evidence.check.defect <= ERROR_UNTRUSTED)
     contributors = _largest_contributors(held + np.abs(integration), SAFETY * change)
     wanted = [
@@ -183,7 +172,7 @@ def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, join
     return _restrict(_divide(optimum, parts, why, None), nodes, RefinementReason.CALM)
 
 
-def bisect_all(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal:
+def bisect_all(optimum: MeshSolution, limits: MeshLimits) -> MeshProposal:
     """Return a mesh with all intervals halved at least, and cut into as many parts as they are expected to need."""
     parts, why = _required_parts(optimum, limits, nearby=NEIGHBOUR_SHARE)
     parts = np.maximum(parts, 2)
@@ -202,7 +191,7 @@ def bisect_coarse(proposal: MeshProposal, replay: Replay | None = None) -> MeshP
     return MeshProposal(mesh, guess, np.repeat(proposal.why, parts), _still_coarser(proposal, parts))
 
 
-def refine_flagged(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
+def refine_flagged(optimum: MeshSolution, limits: MeshLimits) -> MeshProposal | None:
     """Return a mesh that is finer where something is wrong between nodes; None if nothing is.
 
     Where a leg was cut before for the same reason, a control has moved to where it was not: a roll that is indifferent
@@ -215,7 +204,7 @@ def refine_flagged(optimum: MeshSolution, limits: CertificateLimits) -> MeshProp
     return None if (parts == 1).all() else _divide(optimum, parts, why, _still_coarser(optimum.proposal, parts))
 
 
-def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
+def refine_predicted(optimum: MeshSolution, limits: MeshLimits) -> MeshProposal | None:
     """Return a mesh that is finer where something is wrong between nodes or nearly so; None if nothing is wrong.
 
     The optimum on it is expected to keep all limits, where one on the mesh of `refine_flagged` often misses another.
@@ -233,7 +222,7 @@ def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshPr
     return _divide(optimum, parts, why, _still_coarser(optimum.proposal, parts))
 
 
-def refine_guess(proposal: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:
+def refine_guess(proposal: MeshProposal, problem: Problem, limits: MeshLimits) -> MeshProposal:
     """Return a mesh that is finer where a guess lets expect that the integrator's error breaks its limit.
 
     Args:
@@ -246,12 +235,12 @@ def refine_guess(proposal: MeshProposal, problem: Problem, limits: CertificateLi
     return MeshProposal(mesh, guess, np.repeat(why, parts), _still_coarser(proposal, parts))
 
 
-def refine_changed(optimum: MeshSolution, before: MeshSolution, limits: CertificateLimits) -> MeshProposal:
+def refine_changed(optimum: MeshSolution, before: MeshSolution, limits: MeshLimits) -> MeshProposal:
     """Return a better first mesh from an optimum whose race time differs too much from that on the mesh before.
 
     The intervals that are taken to have changed it most stay as fine as they are, all others become what they were.
     """
-    limit = SAFETY * limits.race_time_of(optimum.race_time)
+    limit = SAFETY * limits.change_of(optimum.value)
     contributors = widen(_largest_contributors(_changed_by(optimum, before), limit))
     fine = contributors[np.cumsum(optimum.proposal.coarser[:-1]) - 1]
     nodes = optimum.proposal.coarser.copy()
@@ -302,7 +291,7 @@ def _changed_by(optimum: MeshSolution, before: MeshSolution) -> Array:
     slower, to limits that hold at more nodes.
     """
     integration = before.evidence.integration
-    changed = optimum.race_time - before.race_time
+    changed = optimum.value - before.value
     if changed < 0.0:
         cost = measure_hold_cost(optimum.problem, optimum.iterate, optimum.proposal.coarser)
     else:
@@ -321,9 +310,7 @@ def _largest_contributors(cost: Array, limit: float) -> Marks:
     return largest
 
 
-def _required_parts(
-    optimum: MeshSolution, limits: CertificateLimits, *, nearby: float
-) -> tuple[Indices, NDArray[np.int8]]:
+def _required_parts(optimum: MeshSolution, limits: MeshLimits, *, nearby: float) -> tuple[Indices, NDArray[np.int8]]:
     """Return the number of parts that each interval needs for every indicator to keep its limit, and the reason.
 
     Args:
@@ -396,7 +383,7 @@ def _worst_nearby(values: Array) -> Array:
     return worst
 
 
-def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: CertificateLimits) -> Marks:
+def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: MeshLimits) -> Marks:
     """Return the intervals that may be joined with the next one, which is not joined with another; shape (N,)."""
     problem, evidence = optimum.problem, optimum.evidence
     busy = (
