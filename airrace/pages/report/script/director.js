@@ -111,9 +111,9 @@ export class Director {
     this.tower.add(new Vector3(shore.x, 0, shore.y).multiplyScalar(0.5 * Math.hypot(size.x, size.z) + 60));
   }
 
-  /** The shots of a race in pictures so many times as wide as high; made when they are first asked for. */
+  /** The shots of a race in pictures so many times as wide as high, for the flights that are shown; made when first asked for. */
   shots(aspect) {
-    const key = aspect.toFixed(2);
+    const key = [aspect.toFixed(2), ...this.flights.map(({ visible }) => visible)].join();
     if (!this.plans.has(key)) this.plans.set(key, this.plan(aspect));
     return this.plans.get(key);
   }
@@ -155,10 +155,11 @@ export class Director {
     });
     const ends = [...cuts.slice(1), lead.duration];
     return cuts.flatMap((from, i) => {
-      const parts = Math.max(1, Math.floor((ends[i] - from) / LONGEST));
+      const parts = Math.max(1, Math.min(Math.ceil((ends[i] - from) / LONGEST), Math.floor((ends[i] - from) / SHORTEST)));
       return Array.from({ length: parts }, (_, part) => {
         const [begin, end] = [part, part + 1].map((share) => from + ((ends[i] - from) * share) / parts);
-        const passings = times.filter((time) => time >= begin - 1e-9 && time < end);
+        const last = end > lead.duration - 1e-9; // which the finish belongs to
+        const passings = times.filter((time) => time >= begin - 1e-9 && (last || time < end));
         return { from: begin, to: end, passings };
       });
     });
