@@ -124,27 +124,32 @@ def report(command_result: PrintedResult, function: "partial[WrittenFlights]") -
 
 @command(flights.film)
 def film(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
-    from airrace.pages.views.plain_text import SafeStream
-
-    names = function.args
-    _choose_output(command_result, function, names[0], "mp4")
-    terminal = SafeStream(sys.stderr, commanded=True)
-
-    def watch(share: float) -> None:
-        print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=terminal, flush=True)
-
-    result = function(watch=watch) if not command_result.quiet and sys.stderr.isatty() else function()
-    _verifications(command_result, result)
-    command_result.add_files(result.path, format=result.path.suffix[1:].lower(), flights=list(names))
+    _draw(command_result, function, "mp4", "filming")
 
 
 @command(flights.card)
 def card(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
-    names = function.args
-    _choose_output(command_result, function, names[0], "card.png")
-    result = function()
+    _draw(command_result, function, "card.png", "drawing")
+
+
+def _draw(command_result: PrintedResult, function: "partial[WrittenFlights]", suffix: str, doing: str) -> None:
+    """Draw a film or a card, and show on stderr how far it is."""
+    from airrace.pages.views.drawing_progress import DrawingProgress
+    from airrace.pages.views.plain_text import SafeStream
+
+    names = [*function.args, *function.keywords["flight"]]
+    if names:
+        _choose_output(command_result, function, names[0], suffix)
+    if command_result.quiet:
+        result = function()
+    else:
+        is_terminal = sys.stderr.isatty()
+        progress = DrawingProgress(doing, SafeStream(sys.stderr, commanded=is_terminal), in_place=is_terminal)
+        if function.keywords["verify"]:
+            progress.say("verifying the flights")
+        result = function(watch=progress.show)
     _verifications(command_result, result)
-    command_result.add_files(result.path, format="png", flights=list(names))
+    command_result.add_files(result.path, format=result.path.suffix[1:].lower(), flights=names)
 
 
 def _verifications(command_result: PrintedResult, result: WrittenFlights) -> "dict[str, Verification | None]":

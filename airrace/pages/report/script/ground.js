@@ -19,7 +19,9 @@ import {
   Shape,
   ShapeGeometry,
   SphereGeometry,
+  Vector2,
   Vector3,
+  WebGLRenderTarget,
 } from "three";
 import { placed } from "./flight.js";
 import { roundStep, themed } from "./values.js";
@@ -30,6 +32,7 @@ const ABOVE_SEA = 1; // m: a course that lies lower is flown over water, unless 
 const SUN = [-0.52, 0.66, 0.54]; // towards the sun, in the scene's axes: an afternoon of the northern hemisphere
 const TEXELS = 256;
 const OCTAVES = 5;
+const COARSE = 2; // pixels, along each side, of those in which the ground is drawn once: its shader takes most of a picture's time
 
 /** The direction to the sun; south of the equator it stands in the north. */
 function sunOf(latitude) {
@@ -61,6 +64,7 @@ export function groundOf(box, course) {
   const plain = new Mesh(new CircleGeometry(FAR, 64), shaded(GROUND_VERTEX, GROUND_FRAGMENT));
   plain.rotation.x = -Math.PI / 2;
   plain.renderOrder = -20;
+  const coarse = coarselyDrawn(plain);
   const arrow = northArrow(box, extent);
   group.add(sky, plain, arrow);
   Object.assign(group, { step: uniforms.spacing.value, arrow, sun, shore });
@@ -78,12 +82,32 @@ export function groundOf(box, course) {
     uniforms.time.value = time;
     arrow.visible = drawn;
   };
+  /** Draw the ground ahead of a picture of so many pixels where it has no grid, whose lines have to be fine. */
+  group.prepare = (renderer, camera) => coarse(renderer, camera, uniforms.grid.value === 0);
   group.restyle = () => {
     for (const name of COLOURS) uniforms[name.replace("-", "_")].value.set(themed(name));
     uniforms.sunlight.value.set(themed("sunlight"));
     arrow.material.color.set(themed("cloud"));
   };
   return group;
+}
+
+/** A function that draws a mesh in coarse pixels, which it then shows in a picture, or lets it be drawn in full. */
+function coarselyDrawn(mesh) {
+  const target = new WebGLRenderTarget(1, 1, { depthBuffer: false });
+  const uniforms = { drawn: { value: target.texture }, size: { value: new Vector2() } };
+  const shown = new ShaderMaterial({ uniforms, vertexShader: FLAT_VERTEX, fragmentShader: SHOWN_FRAGMENT, depthWrite: false });
+  const full = mesh.material;
+  return (renderer, camera, isCoarse) => {
+    mesh.material = full;
+    if (!isCoarse) return;
+    const size = renderer.getDrawingBufferSize(uniforms.size.value);
+    target.setSize(Math.ceil(size.x / COARSE), Math.ceil(size.y / COARSE));
+    renderer.setRenderTarget(target);
+    renderer.render(mesh, camera);
+    renderer.setRenderTarget(null);
+    mesh.material = shown;
+  };
 }
 
 /**
@@ -269,8 +293,19 @@ void main() {
   float mesh = grid == 0.0 ? 0.0 : max(0.05 * lines(at, spacing), 0.12 * lines(at, 5.0 * spacing));
   colour = mix(colour, cloud, mesh);
   float air = haze * away * away / (away * away + 2.2e8);
-  gl_FragColor = vec4(mix(colour, mix(horizon, zenith, 0.25), air), 1.0);
-  #include <colorspace_fragment>
+  // Always as a screen shows it, for a picture that is drawn ahead keeps few steps of dark colours otherwise.
+  gl_FragColor = sRGBTransferOETF(vec4(mix(colour, mix(horizon, zenith, 0.25), air), 1.0));
+}`;
+
+const FLAT_VERTEX = `
+void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`;
+
+const SHOWN_FRAGMENT = `
+uniform sampler2D drawn;
+uniform vec2 size;
+void main() {
+  vec4 colour = texture2D(drawn, gl_FragCoord.xy / size);
+  gl_FragColor = vec4(colour.rgb / max(colour.a, 1e-3), 1.0); // beyond the ground nothing is drawn: its edge is no darker
 }`;
 
 const DARK = 0.34;
