@@ -178,12 +178,13 @@ def page_in_browser(page: str, what: str, drawn_by: tuple[str, ...]) -> Generato
 
 
 def values_in_browsers(
-    page: str, expressions: Sequence[str], what: str, drawn_by: tuple[str, ...]
+    first: Page, page: str, expressions: Sequence[str], what: str, drawn_by: tuple[str, ...]
 ) -> Generator[Any]:  # Any: as of `Page.value`
     """Yield the values of programs in a page, in their order; several browsers share the work.
 
     Args:
-        page, what, drawn_by: as of `page_in_browser`.
+        first: a browser in which the page is open.
+        page, what, drawn_by: as of `page_in_browser`, for the other ones.
         expressions: the programs, none of which depends on another.
 
     Raises:
@@ -200,7 +201,8 @@ def values_in_browsers(
             idle.put(browser)
 
     with contextlib.ExitStack() as browsers, ThreadPoolExecutor(count) as threads:
-        for _ in range(count):
+        idle.put(first)
+        for _ in range(count - 1):
             idle.put(browsers.enter_context(page_in_browser(page, what, drawn_by)))
         waiting = deque[Future[Any]]()
         try:

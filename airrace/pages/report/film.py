@@ -63,7 +63,7 @@ def _broadcast(pixels: str, scale: str = "") -> tuple[str, str]:
     return "-vf", f"{converted},{labels},sidedata=delete:type=ICC_PROFILE"
 
 
-_H264 = ("-c:v", "libx264", "-crf", "20", "-movflags", "+faststart")
+_H264 = ("-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-movflags", "+faststart")
 _PRORES = ("-c:v", "prores_ks", "-profile:v", "4444", "-alpha_bits", "16", "-vendor", "apl0")
 _GIF = ("-filter_complex", "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer")
 KINDS = {
@@ -262,23 +262,24 @@ def film_of(
     watch(0.0)
     with page_in_browser(page, FILMS, HARDWARE) as browser:
         duration, again = browser.value("[airrace.flights[0].duration, airrace.film.replay]")
-    instants = [(time, str(settings.view)) for time in settings.times(float(duration))]
-    if again and settings.shows_again:
-        instants += [(time, "replay") for time in settings.replay_times(again["from"], again["to"])]
-    size = [settings.width, settings.height, kind.pictures, settings.graphics_only]
-    frames = [f"airrace.film.frame(...{json.dumps([time, view, *size])})" for time, view in instants]
+        instants = [(time, str(settings.view)) for time in settings.times(float(duration))]
+        if again and settings.shows_again:
+            instants += [(time, "replay") for time in settings.replay_times(again["from"], again["to"])]
+        size = [settings.width, settings.height, kind.pictures, settings.graphics_only]
+        frames = [f"airrace.film.frame(...{json.dumps([time, view, *size])})" for time, view in instants]
 
-    def pictures() -> Iterator[bytes]:
-        for number, text in enumerate(values_in_browsers(page, frames, FILMS, HARDWARE), start=1):
-            yield base64.b64decode(text)
-            watch(number / len(frames))
+        def pictures() -> Iterator[bytes]:
+            drawn = values_in_browsers(browser, page, frames, FILMS, HARDWARE)
+            for number, text in enumerate(drawn, start=1):
+                yield base64.b64decode(text)
+                watch(number / len(frames))
 
-    if not kind.encoder:
-        return _archive(pictures())
-    arguments = list(kind.encoder)
-    if kind.timed and (code := time_code(instants[0][0], settings.rate, begins)):
-        arguments += ["-timecode", code]
-    return _encoded(pictures(), suffix.lower(), kind.pictures, settings.rate, arguments)
+        if not kind.encoder:
+            return _archive(pictures())
+        arguments = list(kind.encoder)
+        if kind.timed and (code := time_code(instants[0][0], settings.rate, begins)):
+            arguments += ["-timecode", code]
+        return _encoded(pictures(), suffix.lower(), kind.pictures, settings.rate, arguments)
 
 
 def _encoded(pictures: Iterable[bytes], suffix: str, form: str, rate: Fraction, arguments: Sequence[str]) -> bytes:

@@ -297,6 +297,7 @@ export function ribbonOf(flight) {
     for (const one of [middle, shadow]) one.fit(width, height);
     const look = view.onAir ? BEHIND : view.follows ? ALONG : AROUND;
     Object.assign(sight.now, { value: time });
+    for (const one of [middle, shadow, wings]) one.until(look.ahead > 0 ? Infinity : time);
     sight.ahead.value = look.ahead * (lead || !view.follows ? 1 : 0.5);
     sight.near.value = look.near;
   };
@@ -416,7 +417,7 @@ function line(points, { width, ...look }) {
  * @param sight uniforms: what the time is `now`, how much of the opacity is left `ahead` of it, and within how many
  *   metres, `near`, nothing is drawn.
  * @param width of a line in pixels; 0 for a surface.
- * @returns a mesh with `paint(colour)`, where `colour(i)` is the Color of point i, and `paintAll(colour)`.
+ * @returns a mesh with `until(time)`, `fit(width, height)` and `paint(colour)`, where `colour(i)` is the Color of point i, and `paintAll(colour)`.
  */
 function band(left, right, { times, sight, width = 0, opacity = 0.3 }) {
   const count = left.length;
@@ -441,6 +442,9 @@ function band(left, right, { times, sight, width = 0, opacity = 0.3 }) {
   const material = new ShaderMaterial({ ...shaders, uniforms, side: DoubleSide, transparent: true, depthWrite: false });
   const mesh = new Mesh(geometry, material);
   mesh.frustumCulled = false;
+  const last = times.length - 1;
+  /** Draw it up to an instant alone; what lies ahead of it costs nothing then. */
+  mesh.until = (time) => geometry.setDrawRange(0, 6 * (time < times[last] ? indexBefore(times, time) + 1 : last));
   mesh.fit = (across, down) => uniforms.size.value.set(across, down);
   mesh.paint = (colour) => paintPairs(geometry.getAttribute("tint"), colour);
   mesh.paintAll = (colour) => {

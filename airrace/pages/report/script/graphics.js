@@ -407,7 +407,7 @@ export class Film {
    * @param type `jpeg` or `png`.
    * @param alone whether graphics are drawn alone, on nothing; else over the scene in the view of a name.
    */
-  frame(time, name, width, height, type, alone) {
+  frame(time, name, width, height, type = "jpeg", alone = false) {
     const view = alone ? { name, follows: true } : this.scene.views.get(name);
     const context = alone ? sized(this.sheet, width, height, 1) : this.drawn(time, view, width, height, [0, 0], 1);
     const size = NAMES * Math.sqrt((width * height) / FULL);

@@ -13,6 +13,7 @@ import {
   Mesh,
   MeshBasicMaterial,
   NotEqualStencilFunc,
+  PlaneGeometry,
   RepeatWrapping,
   ReplaceStencilOp,
   ShaderMaterial,
@@ -32,7 +33,7 @@ const ABOVE_SEA = 1; // m: a course that lies lower is flown over water, unless 
 const SUN = [-0.52, 0.66, 0.54]; // towards the sun, in the scene's axes: an afternoon of the northern hemisphere
 const TEXELS = 256;
 const OCTAVES = 5;
-const COARSE = 2; // pixels, along each side, of those in which the ground is drawn once: its shader takes most of a picture's time
+const COARSE = 2; // pixels, along each side, of those in which sky and ground are drawn: their shaders take most of a picture's time
 
 /** The direction to the sun; south of the equator it stands in the north. */
 function sunOf(latitude) {
@@ -64,9 +65,10 @@ export function groundOf(box, course) {
   const plain = new Mesh(new CircleGeometry(FAR, 64), shaded(GROUND_VERTEX, GROUND_FRAGMENT));
   plain.rotation.x = -Math.PI / 2;
   plain.renderOrder = -20;
-  const coarse = coarselyDrawn(plain);
+  const backdrop = new Group().add(sky, plain);
+  const coarse = coarselyDrawn(backdrop);
   const arrow = northArrow(box, extent);
-  group.add(sky, plain, arrow);
+  group.add(backdrop, coarse, arrow);
   Object.assign(group, { step: uniforms.spacing.value, arrow, sun, shore });
   group.flood = (kind) => {
     group.kind = kind;
@@ -82,8 +84,8 @@ export function groundOf(box, course) {
     uniforms.time.value = time;
     arrow.visible = drawn;
   };
-  /** Draw the ground ahead of a picture of so many pixels where it has no grid, whose lines have to be fine. */
-  group.prepare = (renderer, camera) => coarse(renderer, camera, uniforms.grid.value === 0);
+  /** Draw sky and ground ahead of a picture where the latter has no grid, whose lines have to be fine. */
+  group.prepare = (renderer, camera) => coarse.prepare(renderer, camera, uniforms.grid.value === 0);
   group.restyle = () => {
     for (const name of COLOURS) uniforms[name.replace("-", "_")].value.set(themed(name));
     uniforms.sunlight.value.set(themed("sunlight"));
@@ -92,22 +94,27 @@ export function groundOf(box, course) {
   return group;
 }
 
-/** A function that draws a mesh in coarse pixels, which it then shows in a picture, or lets it be drawn in full. */
-function coarselyDrawn(mesh) {
+/** What shows a backdrop that `prepare(renderer, camera, isCoarse)` draws ahead in coarse pixels, or lets be drawn in full. */
+function coarselyDrawn(backdrop) {
   const target = new WebGLRenderTarget(1, 1, { depthBuffer: false });
-  const uniforms = { drawn: { value: target.texture }, size: { value: new Vector2() } };
-  const shown = new ShaderMaterial({ uniforms, vertexShader: FLAT_VERTEX, fragmentShader: SHOWN_FRAGMENT, depthWrite: false });
-  const full = mesh.material;
-  return (renderer, camera, isCoarse) => {
-    mesh.material = full;
-    if (!isCoarse) return;
-    const size = renderer.getDrawingBufferSize(uniforms.size.value);
-    target.setSize(Math.ceil(size.x / COARSE), Math.ceil(size.y / COARSE));
-    renderer.setRenderTarget(target);
-    renderer.render(mesh, camera);
-    renderer.setRenderTarget(null);
-    mesh.material = shown;
+  const uniforms = { drawn: { value: target.texture } };
+  const look = { depthTest: false, depthWrite: false };
+  const material = new ShaderMaterial({ uniforms, vertexShader: WHOLE_VERTEX, fragmentShader: DRAWN_FRAGMENT, ...look });
+  const shown = new Mesh(new PlaneGeometry(2, 2), material);
+  Object.assign(shown, { frustumCulled: false, renderOrder: -30 });
+  shown.prepare = (renderer, camera, isCoarse) => {
+    backdrop.visible = true;
+    if (isCoarse) {
+      const size = renderer.getDrawingBufferSize(new Vector2());
+      target.setSize(Math.ceil(size.x / COARSE), Math.ceil(size.y / COARSE));
+      renderer.setRenderTarget(target);
+      renderer.render(backdrop, camera);
+      renderer.setRenderTarget(null);
+    }
+    backdrop.visible = !isCoarse;
+    shown.visible = isCoarse;
   };
+  return shown;
 }
 
 /**
@@ -186,6 +193,7 @@ function northArrow(box, extent) {
   return arrow;
 }
 
+// Sky and ground give colours as a screen shows them also where they are drawn ahead: else few steps of dark ones would be left.
 const COLOURS = ["zenith", "horizon", "cloud", "deep", "shallow", "sand", "grass", "grass-dry"];
 
 const SKY = `
@@ -235,8 +243,7 @@ void main() {
     float hill = 1.0 - smoothstep(height - 0.0012, height + 0.0004, direction.y);
     colour = mix(colour, mix(horizon, zenith, 0.45) * 0.82, hill * step(0.0005, height));
   }
-  gl_FragColor = vec4(colour, 1.0);
-  #include <colorspace_fragment>
+  gl_FragColor = sRGBTransferOETF(vec4(colour, 1.0));
 }`;
 
 const GROUND_VERTEX = `
@@ -293,20 +300,20 @@ void main() {
   float mesh = grid == 0.0 ? 0.0 : max(0.05 * lines(at, spacing), 0.12 * lines(at, 5.0 * spacing));
   colour = mix(colour, cloud, mesh);
   float air = haze * away * away / (away * away + 2.2e8);
-  // Always as a screen shows it, for a picture that is drawn ahead keeps few steps of dark colours otherwise.
   gl_FragColor = sRGBTransferOETF(vec4(mix(colour, mix(horizon, zenith, 0.25), air), 1.0));
 }`;
 
-const FLAT_VERTEX = `
-void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`;
-
-const SHOWN_FRAGMENT = `
-uniform sampler2D drawn;
-uniform vec2 size;
+const WHOLE_VERTEX = `
+varying vec2 at;
 void main() {
-  vec4 colour = texture2D(drawn, gl_FragCoord.xy / size);
-  gl_FragColor = vec4(colour.rgb / max(colour.a, 1e-3), 1.0); // beyond the ground nothing is drawn: its edge is no darker
+  at = uv;
+  gl_Position = vec4(position.xy, 0.0, 1.0);
 }`;
+
+const DRAWN_FRAGMENT = `
+uniform sampler2D drawn;
+varying vec2 at;
+void main() { gl_FragColor = texture2D(drawn, at); }`;
 
 const DARK = 0.34;
 const NUMBER = 254; // in the stencil, of all shadows

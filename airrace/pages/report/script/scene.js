@@ -38,7 +38,6 @@ export class RaceScene {
     this.graphics = graphics;
     [this.canvas, this.overlay] = element.querySelectorAll("canvas");
     this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, stencil: true });
-    this.renderer.setClearAlpha(0);
     this.scene = new Scene();
     const points = pointsOf(course, flights);
     this.ground = groundOf(new Box3().setFromPoints(points), course);
