@@ -352,14 +352,14 @@ def film(
     stage: options.StageOfFlights = None,
     verify: options.NoVerify = True,
     force: options.Force = False,
-    watch: Callable[[float], None] = lambda share: None,
+    watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> WrittenFlights:
     """Film a flight, with others beside it: the scene of the report as television shows it (needs Chromium, ffmpeg).
 
     A film of several flights ends with the moment that cost most, in slow motion.
 
     Args:
-        watch: is called with the share of the pictures that are drawn, first when the flights are verified.
+        watch: is called with the pictures that are drawn and with all, first when the flights are verified.
     """
     from airrace.files.checkpoint.atomic import replace_file
     from airrace.pages.report.contents import race_begins
@@ -398,14 +398,14 @@ def card(
     stage: options.StageOfFlights = None,
     verify: options.NoVerify = True,
     force: options.Force = False,
-    watch: Callable[[float], None] = lambda share: None,
+    watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> WrittenFlights:
     """Draw a card of a flight, or of a duel of two, for a message or an article: lines, times (needs Chromium).
 
     It is 1200 pixels wide and 630 high.
 
     Args:
-        watch: is called with 0 when the flights are verified, and with 1 when the card is drawn.
+        watch: is called with 0 and 1 when the flights are verified, and with 1 and 1 when the card is drawn.
     """
     from airrace.errors import UsageError
     from airrace.files.checkpoint.atomic import replace_file
@@ -422,9 +422,9 @@ def card(
     page, page_flights = report_of_flights(
         names, stage=options.stage_text(stage), verify=verify, language=language_named(language)
     )
-    watch(0.0)
+    watch(0, 1)
     replace_file(path, card_of(page))
-    watch(1.0)
+    watch(1, 1)
     return WrittenFlights(path, tuple(page_flights))
 
 

@@ -1,7 +1,6 @@
 """Commands around flights: `import`, `brief`, `compare`, `plot`, `report`, `film`, `card` and `export`."""
 
 import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -134,20 +133,21 @@ def card(command_result: PrintedResult, function: "partial[WrittenFlights]") -> 
 
 def _draw(command_result: PrintedResult, function: "partial[WrittenFlights]", suffix: str, doing: str) -> None:
     """Draw a film or a card, and show on stderr how far it is."""
-    from airrace.pages.views.drawing_progress import DrawingProgress
-    from airrace.pages.views.plain_text import SafeStream
+    from airrace.pages.views.count_view import counting
 
     names = [*function.args, *function.keywords["flight"]]
     if names:
         _choose_output(command_result, function, names[0], suffix)
-    if command_result.quiet:
-        result = function()
-    else:
-        is_terminal = sys.stderr.isatty()
-        progress = DrawingProgress(doing, SafeStream(sys.stderr, commanded=is_terminal), in_place=is_terminal)
+    with counting(shown=not command_result.quiet) as count:
+
+        def watch(done: int, total: int) -> None:
+            if done <= 1:
+                count.begin(doing)  # once more with the first picture: what draws it starts slowly
+            count.tell(f"picture {done} of {total}", done, total)
+
         if function.keywords["verify"]:
-            progress.say("verifying the flights")
-        result = function(watch=progress.show)
+            count.show("verifying")
+        result = function(watch=watch)
     _verifications(command_result, result)
     command_result.add_files(result.path, format=result.path.suffix[1:].lower(), flights=names)
 

@@ -243,7 +243,7 @@ def film_of(
     page: str,
     settings: FilmSettings,
     suffix: str,
-    watch: Callable[[float], None] = lambda _: None,
+    watch: Callable[[int, int], None] = lambda done, total: None,
     begins: datetime | None = None,
 ) -> bytes:
     """Return a film, of a suffix in `KINDS`, of the scene of a report.
@@ -251,7 +251,7 @@ def film_of(
     Args:
         page: the report.
         settings, suffix: of the film and its file.
-        watch: is called with the share that is done.
+        watch: is called with the pictures that are drawn, and with all.
         begins: when the clock of the race starts, for the time code; None for midnight.
 
     Raises:
@@ -259,20 +259,20 @@ def film_of(
         StorageError: one of them fails.
     """
     kind = KINDS[suffix.lower()]
-    watch(0.0)
     with page_in_browser(page, FILMS, HARDWARE) as browser:
         duration, again = browser.value("[airrace.flights[0].duration, airrace.film.replay]")
         instants = [(time, str(settings.view)) for time in settings.times(float(duration))]
         if again and settings.shows_again:
             instants += [(time, "replay") for time in settings.replay_times(again["from"], again["to"])]
         size = [settings.width, settings.height, kind.pictures, settings.graphics_only]
+        watch(0, len(instants))
         frames = [f"airrace.film.frame(...{json.dumps([time, view, *size])})" for time, view in instants]
 
         def pictures() -> Iterator[bytes]:
             drawn = values_in_browsers(browser, page, frames, FILMS, HARDWARE)
             for number, text in enumerate(drawn, start=1):
                 yield base64.b64decode(text)
-                watch(number / len(frames))
+                watch(number, len(frames))
 
         if not kind.encoder:
             return _archive(pictures())

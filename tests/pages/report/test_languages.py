@@ -64,7 +64,7 @@ def test_the_page_knows_who_flies_and_what_was_broken() -> None:
         Penalty("", "load-factor", 9.0, float("inf")),
         Penalty("", "crowd", 10.0, float("nan")),
     )
-    source = replace(flight.source, entrant=entrant, penalties=penalties)
+    source = replace(flight.source, entrant=entrant, called_penalties=penalties)
     told = read(flight_page([replace(flight, source=source)], language=Language.DE)).contents
     first = told["flights"][0]
     assert [first[name] for name in ("named", "nation", "number", "colour")] == [True, "SUI", "7", "#ff8800"]

@@ -32,6 +32,7 @@ const CLEAR = 13; // m, that a fixed camera keeps from every way, and half as mu
 const CLOSE = 24; // m, from the way to a gate's camera: what is liked best
 const APART = 0.1; // s between the places of the ways that cameras keep clear of
 const HEIGHTS = [8, 26]; // m, of the cameras at gates in turn: against the horizon, and against water or land
+const BESIDE_RIVAL = 0.25; // rad, of a camera beyond the first flight from a rival, so that one does not hide the other
 const OUT = 58; // m, from the aircraft to a camera in the air
 const LOWEST = 3; // m, of any camera above the ground
 const BULK = 0.6; // m, around the middle of the fuselage, that a pylon must not cover
@@ -207,6 +208,15 @@ export class Director {
         const glare = offset.clone().normalize().dot(this.sun);
         add("aerial", liked("aerial") - 0.3 * glare, (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial, rival));
       }
+    // In line with a rival both are seen also in an upright picture, one beyond the other.
+    for (const turn of rival ? [-BESIDE_RIVAL, BESIDE_RIVAL] : [])
+      for (const up of [6, 14]) {
+        const place = (camera, time) => {
+          const off = this.centre(time).sub(this.centre(time, rival)).setY(0).normalize().applyAxisAngle(UP, turn).multiplyScalar(OUT);
+          this.aim(camera, this.centre(time).add(off.setY(up)), time, LIKED.aerial, rival);
+        };
+        add("aerial", liked("aerial"), place);
+      }
     add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide, rival));
     add("chase", liked("chase"), (camera, time) => this.chase.follow(camera, time));
     return shots;
@@ -287,11 +297,10 @@ export class Director {
     });
   }
 
-  /** A place that goes with the first flight on a way smoother than its own. */
-  centre(time) {
-    const [lead] = this.flights;
-    const middle = [-1.2, -0.6, 0, 0.6, 1.2].map((shift) => lead.position(time + shift));
-    return middle.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(middle.length).lerp(lead.position(time), 0.5);
+  /** A place that goes with a flight, the first one by default, on a way smoother than its own. */
+  centre(time, flight = this.flights[0]) {
+    const middle = [-1.2, -0.6, 0, 0.6, 1.2].map((shift) => flight.position(time + shift));
+    return middle.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(middle.length).lerp(flight.position(time), 0.5);
   }
 
   /** Look from an eye so that the aircraft has its size, a rival or others near to it are seen, and so is the horizon, as far as can be. */

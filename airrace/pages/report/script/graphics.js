@@ -60,14 +60,17 @@ export class Graphics {
   }
 
   /**
-   * Flights in their order now, as timing knows it: by the passings that they have made. `[{flight, gap}]`: how much later than
-   * the first one it made its last passing, s; NaN where one of the two has not made it.
+   * Flights in their order at the last passing that all have made which are still in the race: `[{flight, gap}]`, how much later
+   * than the first one each made it, s; NaN, and last, for those that have not.
    */
   order(time) {
     const visible = this.flights.filter((flight) => flight.visible && flight.passings.length);
-    const all = visible.map((flight) => ({ flight, last: flight.passings[flight.leg(time)] }));
-    all.sort((a, b) => b.last.number - a.last.number || a.last.time - b.last.time);
-    return all.map(({ flight, last }) => ({ flight, gap: last.time - (all[0].flight.passing(last.number)?.time ?? NaN) }));
+    const racing = visible.filter((flight) => time <= flight.duration || flight.raceTime !== null);
+    const last = Math.min(...(racing.length ? racing : visible).map((flight) => flight.passings[flight.leg(time)].number));
+    const times = new Map(visible.map((flight) => [flight, flight.passing(last)?.time ?? Infinity]));
+    const first = Math.min(...times.values());
+    const sorted = [...visible].sort((a, b) => (times.get(a) === times.get(b) ? 0 : times.get(a) - times.get(b)));
+    return sorted.map((flight) => ({ flight, gap: times.get(flight) < Infinity ? times.get(flight) - first : NaN }));
   }
 
   /** The sectors of a flight so far, from passing to passing, in the colours of television; none where nothing compares. */
