@@ -167,6 +167,7 @@ def test_what_cost_most_is_shown_again_with_both_aircraft_in_the_picture(laptop:
           const inside = [];
           for (let time = from; time <= to; time += 0.1) {
             view.place(1280, 720, time);
+            view.camera.updateMatrixWorld(true);
             for (const one of flights) {
               const { x, y, z } = one.position(time).project(view.camera);
               inside.push(z < 1 && Math.abs(x) < 1 && Math.abs(y) < 1);
@@ -266,7 +267,7 @@ def test_the_screen_is_filled_and_left_by_a_button(laptop: Opened) -> None:
     laptop.page.mouse.move(400, 300)
     laptop.page.mouse.move(420, 310)
     assert not laptop.run(hidden)
-    laptop.page.click("[data-full]")
+    laptop.page.keyboard.press("f")
     laptop.page.wait_for_function("() => document.fullscreenElement === null")
 
 

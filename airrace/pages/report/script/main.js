@@ -95,11 +95,12 @@ function begin() {
   full.hidden = !document.fullscreenEnabled;
   full.addEventListener("click", () => (document.fullscreenElement ? document.exitFullscreen() : watch.requestFullscreen()));
   let leaving;
-  watch.addEventListener("pointermove", () => {
-    watch.classList.add("touched");
-    clearTimeout(leaving);
-    leaving = setTimeout(() => watch.classList.remove("touched"), TOUCHED);
-  });
+  for (const touch of ["pointermove", "pointerdown"])
+    watch.addEventListener(touch, () => {
+      watch.classList.add("touched");
+      clearTimeout(leaving);
+      leaving = setTimeout(() => watch.classList.remove("touched"), TOUCHED);
+    });
   // For whoever looks into the page from its console, and for what takes films and cards of it.
   const film = scene === null ? null : new Film(scene, graphics, clock);
   window.airrace = { clock, flights, scene, strips, stretch, maps, graphics, film };
