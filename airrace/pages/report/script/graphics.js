@@ -15,6 +15,7 @@ const LADDER = [-60, -45, -30, -20, -10, 10, 20, 30, 45, 60]; // degrees
 const LONGEST = 18; // letters of a flight's name
 const SECTOR = { best: "#c77dff", own: FASTER, slower: "#ffd166" }; // of all, of the flight itself, and the others
 const PRESENTED = { from: 0.3, to: 4.8 }; // s, in which it is told who flies
+const DISQUALIFIED = "DSQ"; // the abbreviation of result lists in all languages
 const CALLED = 4; // s, that a penalty stays
 
 export class Graphics {
@@ -133,8 +134,8 @@ export class Graphics {
       const text = !begun || order.length < 2 ? "" : i === 0 ? first : Number.isFinite(gap) ? this.number(gap, 3, signed) : "";
       this.context.fillStyle = flight.colour;
       this.context.fillRect(left + 14 * u, y + 4 * u, 6 * u, 22 * u);
-      this.write(shortened(flight.label), left + 28 * u, y + 17.5 * u, 16, { weight: flight === this.lead ? 650 : 500, within: (added ? 92 : 132) * u });
-      if (added) this.write(added, left + wide - 80 * u, y + 17.5 * u, 14, { align: "right", weight: 650, colour: SLOWER, within: 50 * u });
+      this.write(shortened(flight.label), left + 28 * u, y + 17.5 * u, 16, { weight: flight === this.lead ? 650 : 500, within: (added ? 86 : 132) * u });
+      if (added) this.write(added, left + wide - 86 * u, y + 17.5 * u, 14, { align: "right", weight: 650, colour: SLOWER, within: 50 * u });
       this.write(text, left + wide - 14 * u, y + 17.5 * u, 16, { align: "right", weight: 600, colour: i === 0 ? PALE : WHITE, within: 64 * u });
       this.bars(flight, now, left + 28 * u, y + 23 * u, wide - 42 * u);
       y += row;
@@ -145,7 +146,7 @@ export class Graphics {
   /** What has been added to the time of a flight so far, in words. */
   added(flight, time) {
     const called = flight.penalties.filter((penalty) => penalty.time <= time);
-    if (called.some(({ seconds }) => seconds === null)) return this.say("race over");
+    if (called.some(({ seconds }) => seconds === null)) return DISQUALIFIED;
     const sum = called.reduce((total, { seconds }) => total + seconds, 0);
     return sum > 0 ? `+${this.number(sum, Number.isInteger(sum) ? 0 : 1)} s` : "";
   }
@@ -169,11 +170,11 @@ export class Graphics {
     );
     called.forEach(({ flight, rule, gate, seconds }, i) => {
       const y = top + 52 * i * u;
-      const price = seconds === null ? this.say("race over") : seconds > 0 ? `+${this.number(seconds, Number.isInteger(seconds) ? 0 : 1)} s` : "";
+      const price = seconds > 0 ? ` +${this.number(seconds, Number.isInteger(seconds) ? 0 : 1)} s` : "";
       this.panel(left, y, 252 * u, 46 * u);
       this.context.fillStyle = SLOWER;
       this.context.fillRect(left + 14 * u, y + 8 * u, 6 * u, 30 * u);
-      this.write(`${this.say("penalty")} ${price}`, left + 28 * u, y + 20 * u, 16, { weight: 700, colour: SLOWER, within: 210 * u });
+      this.write(seconds === null ? this.say("race over") : `${this.say("penalty")}${price}`, left + 28 * u, y + 20 * u, 16, { weight: 700, colour: SLOWER, within: 210 * u });
       const words = [this.flights.length > 1 ? shortened(flight.label) : "", this.say(rule), gate].filter(Boolean).join(", ");
       this.write(words, left + 28 * u, y + 38 * u, 14, { within: 210 * u });
     });
