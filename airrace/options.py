@@ -31,6 +31,7 @@ class Option:
         completion: the names that a shell offers besides files.
         written: whether it names a file that the command writes.
         required: whether the command line needs it though Python does not.
+        optional: whether any number of arguments may be none, though they are the first ones.
     """
 
     help: str
@@ -42,6 +43,7 @@ class Option:
     completion: Literal["", "tracks", "configs", "stages"] = ""
     written: bool = False
     required: bool = False
+    optional: bool = False
 
 
 # What a course, an aircraft, settings and values may be given as.

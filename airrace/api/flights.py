@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
 from airrace import options
 from airrace.options import Option
-from airrace.pages.report.film import FilmView
+from airrace.pages.report.film import FilmView, Language
 from airrace.pages.views.tables import UNITS
 from airrace.runtime.standard_streams import STANDARD, abandon_stdout
 
@@ -27,6 +27,18 @@ AnyFlight = Annotated[str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE, o
 FlightNames = Annotated[
     str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass.", "FLIGHT...")
 ]
+NoOrMoreFlights = Annotated[
+    str,
+    Option("RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass.", "FLIGHT...", optional=True),
+]
+MoreFlights = Annotated[
+    Sequence[str],
+    Option(
+        "A flight and who flies it, e.g. run.h5,name=Bee,nation=SUI,number=7,colour=#ff8800; as often as you like.",
+        "FLIGHT,KEY=VALUE,...",
+    ),
+]
+Languages = Annotated[Language, Option("Of the texts, and of their numbers.")]
 Units = Annotated[
     str, Option("Units for people: knots or km/h, metres or feet; never of --json, --csv.", choices=tuple(UNITS))
 ]
@@ -315,69 +327,119 @@ def report(
 
 
 def film(
-    *flights: FlightNames,
+    *flights: NoOrMoreFlights,
+    flight: MoreFlights = (),
     output: Annotated[
-        str | Path | None, options.output("FILE.mp4", "The film; or .gif; by default beside the first run, as RUN.mp4.")
+        str | Path | None,
+        options.output(
+            "FILE.mp4",
+            "The film; or .mov (ProRes 4444), .zip (PNG), .gif; by default beside the first run, as RUN.mp4.",
+        ),
     ] = None,
     view: Annotated[
         FilmView, Option("Cameras at the gates and in the air, or one view of the report throughout.")
     ] = FilmView.TV,
     format: Annotated[str, Option("1280x720, 720x1280, 960x960; of a GIF the half.", "16:9|9:16|1:1")] = "16:9",
     size: Annotated[str | None, Option("Pixels, instead of a format; e.g. 1920x1080.", "WIDTHxHEIGHT")] = None,
-    fps: Annotated[float | None, Option("Pictures per second; by default 30, of a GIF 15.", "N")] = None,
+    fps: Annotated[
+        float | None, Option("Pictures per second, e.g. 50 or 59.94; by default 30, of a GIF 15.", "N")
+    ] = None,
     from_: Annotated[float | None, Option("Where the film begins, on the clock of the race.", "S")] = None,
     to: Annotated[float | None, Option("Where it ends; else at the finish.", "S")] = None,
     seconds: Annotated[float | None, Option("How long it is, instead of its end.", "S")] = None,
+    graphics_only: Annotated[bool, Option("The graphics on nothing, into a file with an alpha channel.")] = False,
+    language: Languages = Language.EN,
     stage: options.StageOfFlights = None,
     verify: options.NoVerify = True,
     force: options.Force = False,
-    watch: Callable[[float], None] = lambda share: None,
+    watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> WrittenFlights:
     """Film a flight, with others beside it: the scene of the report as television shows it (needs Chromium, ffmpeg).
 
+    A film of several flights ends with the moment that cost most, in slow motion.
+
     Args:
-        watch: is called with the share of the pictures that are drawn.
+        watch: is called with the pictures that are drawn and with all, first when the flights are verified.
     """
     from airrace.files.checkpoint.atomic import replace_file
-    from airrace.pages.report.film import film_of, film_settings
+    from airrace.pages.report.contents import race_begins
+    from airrace.pages.report.film import film_of, film_settings, language_named
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path
 
-    path = output_path(output, flights[0], "mp4")
-    settings = film_settings(path, view=view, format=format, size=size, fps=fps, from_=from_, to=to, seconds=seconds)
-    ensure_free(path, force=force, sources=flights)
-    page, page_flights = report_of_flights(flights, stage=options.stage_text(stage), verify=verify)
-    replace_file(path, film_of(page, settings, path.suffix, watch))
+    names = _named(flights, flight)
+    path = output_path(output, names[0], "mp4")
+    settings = film_settings(
+        path,
+        view=view,
+        format=format,
+        size=size,
+        fps=fps,
+        from_=from_,
+        to=to,
+        seconds=seconds,
+        graphics_only=graphics_only,
+    )
+    ensure_free(path, force=force, sources=names)
+    page, page_flights = report_of_flights(
+        names, stage=options.stage_text(stage), verify=verify, language=language_named(language)
+    )
+    replace_file(path, film_of(page, settings, path.suffix, watch, race_begins(page_flights[0])))
     return WrittenFlights(path, tuple(page_flights))
 
 
 def card(
-    *flights: FlightNames,
+    *flights: NoOrMoreFlights,
+    flight: MoreFlights = (),
     output: Annotated[
         str | Path | None, options.output("FILE.png", "The card; by default beside the run, as RUN.card.png.")
     ] = None,
+    language: Languages = Language.EN,
     stage: options.StageOfFlights = None,
     verify: options.NoVerify = True,
     force: options.Force = False,
+    watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> WrittenFlights:
     """Draw a card of a flight, or of a duel of two, for a message or an article: lines, times (needs Chromium).
 
     It is 1200 pixels wide and 630 high.
+
+    Args:
+        watch: is called with 0 and 1 when the flights are verified, and with 1 and 1 when the card is drawn.
     """
     from airrace.errors import UsageError
     from airrace.files.checkpoint.atomic import replace_file
-    from airrace.pages.report.film import card_of, ensure_card
+    from airrace.pages.report.film import card_of, ensure_card, language_named
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path
 
-    if len(flights) not in (1, 2):
+    names = _named(flights, flight)
+    if len(names) > 2:
         raise UsageError("a card shows one flight, or two in a duel")
-    path = output_path(output, flights[0], "card.png")
+    path = output_path(output, names[0], "card.png")
     ensure_card(path)
-    ensure_free(path, force=force, sources=flights)
-    page, page_flights = report_of_flights(flights, stage=options.stage_text(stage), verify=verify)
+    ensure_free(path, force=force, sources=names)
+    page, page_flights = report_of_flights(
+        names, stage=options.stage_text(stage), verify=verify, language=language_named(language)
+    )
+    watch(0, 1)
     replace_file(path, card_of(page))
+    watch(1, 1)
     return WrittenFlights(path, tuple(page_flights))
+
+
+def _named(flights: Sequence[str], more: Sequence[str]) -> list[str]:
+    """Return the flights of a film or a card by both ways of naming them.
+
+    Raises:
+        UsageError: there are none.
+    """
+    from airrace.errors import UsageError
+
+    names = [*flights, *more]
+    if not names:
+        raise UsageError("name a flight: RUN.h5, or --flight RUN.h5,name=...")
+    return names
 
 
 def export(

@@ -13,7 +13,7 @@ from airrace.api.safety import SafetyOptions
 from airrace.errors import UsageError
 from airrace.files.checkpoint.atomic import replace_file
 from airrace.flights.results.comparison import Comparison
-from airrace.pages.report.film import card_of, ensure_card, film_of, film_settings
+from airrace.pages.report.film import card_of, ensure_card, film_of, film_settings, language_named
 from airrace.pages.views.count_view import counting
 from airrace.pages.views.drawing import ensure_drawable, save_figure
 from airrace.pages.views.progress_view import watching
@@ -372,35 +372,54 @@ class Run(RunState):
         from_: float | None = None,
         to: float | None = None,
         seconds: float | None = None,
+        graphics_only: bool = False,
+        language: str = "en",
         stage: str | Stage | None = None,
         verify: bool = True,
     ) -> Path:
         """Film a flight with others, as `airrace film` does; a file that exists is replaced.
 
         Args:
-            path, others, stage, verify: see `report`; the film is `.mp4` or `.gif`.
-            view, format, size, fps, from_, to, seconds: as those of the command, see `airrace.api.flights.film`.
+            path, others, stage, verify: see `report`; the film is `.mp4`, `.mov`, `.zip` or `.gif`.
+            view, format, size, fps, from_, to, seconds, graphics_only, language: as those of the command, see
+                `airrace.api.flights.film`.
 
         Raises:
             UsageError: an argument is out of range, or Chromium or ffmpeg is not found.
             StorageError: one of them fails, or the system refused.
         """
         settings = film_settings(
-            Path(path), view=view, format=format, size=size, fps=fps, from_=from_, to=to, seconds=seconds
+            Path(path),
+            view=view,
+            format=format,
+            size=size,
+            fps=fps,
+            from_=from_,
+            to=to,
+            seconds=seconds,
+            graphics_only=graphics_only,
         )
-        page = report_page(self, stage, others, verify=verify)
+        page = report_page(self, stage, others, verify=verify, language=language_named(language))
         replace_file(Path(path), film_of(page, settings, Path(path).suffix))
         return Path(path)
 
-    def card(self, path: str | Path, *others: str, stage: str | Stage | None = None, verify: bool = True) -> Path:
+    def card(
+        self,
+        path: str | Path,
+        *others: str,
+        language: str = "en",
+        stage: str | Stage | None = None,
+        verify: bool = True,
+    ) -> Path:
         """Draw a card of a flight, or of a duel with another one, as `airrace card` does: a PNG of 1200 x 630 pixels.
 
         A file that exists is replaced.
 
         Raises:
-            UsageError: there is no such stage, or Chromium is not found.
+            UsageError: there is no such stage or language, or Chromium is not found.
             StorageError: it fails, or the system refused.
         """
         ensure_card(Path(path))
-        replace_file(Path(path), card_of(report_page(self, stage, others, verify=verify)))
+        page = report_page(self, stage, others, verify=verify, language=language_named(language))
+        replace_file(Path(path), card_of(page))
         return Path(path)

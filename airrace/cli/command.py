@@ -115,7 +115,7 @@ def _option(parameter: inspect.Parameter) -> Option | None:
 def _typer_parameter(parameter: inspect.Parameter, *, is_first: bool) -> inspect.Parameter:
     """Return a parameter as typer reads it: positional ones are arguments unless they have flags, all others options.
 
-    Of any number of arguments one is needed if they are the first ones.
+    Of any number of arguments one is needed if they are the first ones, unless the option says otherwise.
     """
     option = _option(parameter)
     if option is None:
@@ -123,7 +123,7 @@ def _typer_parameter(parameter: inspect.Parameter, *, is_first: bool) -> inspect
     type_, several = _command_type(parameter, option)
     is_argument = parameter.kind is not parameter.KEYWORD_ONLY and not option.flags
     default = parameter.empty if option.required else parameter.default
-    if several and (default is not parameter.empty or (is_argument and not is_first)):
+    if several and (default is not parameter.empty or (is_argument and (option.optional or not is_first))):
         default = None
     info: Any
     common: dict[str, Any] = {"help": option.help, "metavar": option.metavar, "readable": False}

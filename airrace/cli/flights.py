@@ -1,7 +1,6 @@
 """Commands around flights: `import`, `brief`, `compare`, `plot`, `report`, `film`, `card` and `export`."""
 
 import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -124,27 +123,33 @@ def report(command_result: PrintedResult, function: "partial[WrittenFlights]") -
 
 @command(flights.film)
 def film(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
-    from airrace.pages.views.plain_text import SafeStream
-
-    names = function.args
-    _choose_output(command_result, function, names[0], "mp4")
-    terminal = SafeStream(sys.stderr, commanded=True)
-
-    def watch(share: float) -> None:
-        print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=terminal, flush=True)
-
-    result = function(watch=watch) if not command_result.quiet and sys.stderr.isatty() else function()
-    _verifications(command_result, result)
-    command_result.add_files(result.path, format=result.path.suffix[1:].lower(), flights=list(names))
+    _draw(command_result, function, "mp4", "filming")
 
 
 @command(flights.card)
 def card(command_result: PrintedResult, function: "partial[WrittenFlights]") -> None:
-    names = function.args
-    _choose_output(command_result, function, names[0], "card.png")
-    result = function()
+    _draw(command_result, function, "card.png", "drawing")
+
+
+def _draw(command_result: PrintedResult, function: "partial[WrittenFlights]", suffix: str, doing: str) -> None:
+    """Draw a film or a card, and show on stderr how far it is."""
+    from airrace.pages.views.count_view import counting
+
+    names = [*function.args, *function.keywords["flight"]]
+    if names:
+        _choose_output(command_result, function, names[0], suffix)
+    with counting(shown=not command_result.quiet) as count:
+
+        def watch(done: int, total: int) -> None:
+            if done <= 1:
+                count.begin(doing)  # once more with the first picture: what draws it starts slowly
+            count.tell(f"picture {done} of {total}", done, total)
+
+        if function.keywords["verify"]:
+            count.show("verifying")
+        result = function(watch=watch)
     _verifications(command_result, result)
-    command_result.add_files(result.path, format="png", flights=list(names))
+    command_result.add_files(result.path, format=result.path.suffix[1:].lower(), flights=names)
 
 
 def _verifications(command_result: PrintedResult, result: WrittenFlights) -> "dict[str, Verification | None]":

@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from airrace.flights.logs.reading import is_log
 from airrace.flights.results import Flight, Verification
 from airrace.flights.results.comparison import ensure_comparable
 from airrace.model.track.course import Origin
+from airrace.pages.report.film import Language
 from airrace.pages.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.pages.views.stage_tables import claim
 from airrace.pages.views.tables import RACE, Units
@@ -104,7 +106,9 @@ def _open_with_files(
             sources[number] = view
             if names[number].path in opened:
                 opened[names[number].path] = view
-    return opened, [source.flight(label) for source, label in zip(sources, labels, strict=True)]
+    flights = [source.flight(label) for source, label in zip(sources, labels, strict=True)]
+    sources_named = (replace(flight.source, entrant=name.entrant) for flight, name in zip(flights, names, strict=True))
+    return opened, [replace(flight, source=source) for flight, source in zip(flights, sources_named, strict=True)]
 
 
 def open_flight(text: str, *, stage: str | None = None) -> Flight:
@@ -160,17 +164,21 @@ def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: 
 
 
 def _labels(texts: Sequence[str], names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
-    """Return unique labels: the file's name as given, without its folder where that tells no two apart."""
+    """Return unique labels: who flies, else the file's name without its folder where that tells no two apart."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
     endings = [
         f":{name.stage or stage}" if name.stage or (several and stage) else ""
         for name, stage in zip(names, stages, strict=True)
     ]
-    labels = [f"{Path(name_of(name.path)).name}{ending}" for name, ending in zip(names, endings, strict=True)]
+    labels = [
+        name.entrant.name or f"{Path(name_of(name.path)).name}{ending}"
+        for name, ending in zip(names, endings, strict=True)
+    ]
     if len(set(labels)) < len(labels):
         labels = [
-            text if name.stage else f"{text}{ending}" for text, name, ending in zip(texts, names, endings, strict=True)
+            name.entrant.name or (text if name.stage else f"{text}{ending}")
+            for text, name, ending in zip(texts, names, endings, strict=True)
         ]
     if len(set(labels)) < len(labels):
         labels = [f"{label} ({number})" for number, label in enumerate(labels, start=1)]
@@ -313,6 +321,7 @@ def report_of_flights(
     envelope: int = 0,
     units: Units = RACE,
     beside: Sequence[str] = (),
+    language: Language = Language.EN,
 ) -> tuple[str, list[Flight]]:
     """Return the page as text, and its flights.
 
@@ -325,6 +334,7 @@ def report_of_flights(
         envelope: how many closed-loop flights show in the scene how far they stray; 0 for none.
         units: of speeds and lengths.
         beside: sections on the other flights, HTML.
+        language: of films and cards that are taken of the page.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -343,10 +353,17 @@ def report_of_flights(
         if envelope:
             raise UsageError(f"{first.path} is a flight log: no envelope is simulated along it")
         footer = f"airrace {flights[0].source.version}"
-        return flight_page(flights, log_sections(run_or_log), footer, units=units), flights
+        return flight_page(flights, log_sections(run_or_log), footer, units=units, language=language), flights
     view = run_or_log.stage(first.stage or stage)
     page = _stage_page(
-        run_or_log, view, flights, sensitivities=sensitivities, envelope=envelope, units=units, beside=beside
+        run_or_log,
+        view,
+        flights,
+        sensitivities=sensitivities,
+        envelope=envelope,
+        units=units,
+        beside=beside,
+        language=language,
     )
     return page, flights
 
@@ -376,6 +393,7 @@ def report_page(
     verify: bool = True,
     envelope: int = 0,
     units: Units = RACE,
+    language: Language = Language.EN,
 ) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
@@ -385,7 +403,9 @@ def report_page(
     run = with_verifications(run, [run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
     flights = [view.flight(), *open_flights(others, verify=verify)]
-    return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope, units=units)
+    return _stage_page(
+        run, view, flights, sensitivities=sensitivities, envelope=envelope, units=units, language=language
+    )
 
 
 def _stage_page(
@@ -397,6 +417,7 @@ def _stage_page(
     envelope: int,
     units: Units,
     beside: Sequence[str] = (),
+    language: Language = Language.EN,
 ) -> str:
     """Return the report about a stage of a run, with its flight and those beside it; `beside` are sections on them."""
     from airrace.pages.report.flight_page import flight_page
@@ -408,7 +429,7 @@ def _stage_page(
     message = f"noted when it was solved: {view.message}" if view.message else ""
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", message, view.stale) if text)
     sections = [*beside, claim_section(claim_text, verification, view.stamp), *sections]
-    return flight_page(flights, sections, footer, claimed=True, envelope=scatter, units=units)
+    return flight_page(flights, sections, footer, claimed=True, envelope=scatter, units=units, language=language)
 
 
 def claim_of(run: RunState, view: StageView) -> str:

@@ -13,7 +13,7 @@ from airrace.files.checkpoint import LogCheckpoint, RawLog, StoredHistory, Store
 from airrace.files.export.csv import export_flight_csv
 from airrace.files.inputs import Inputs, inputs_from_documents
 from airrace.flights.logs.violations import Violation
-from airrace.flights.results import Basis, Flight, History, Source, TimedCrossing, Verification
+from airrace.flights.results import Basis, Flight, History, Penalty, Source, TimedCrossing, Verification
 from airrace.flights.results.clearances import with_distances
 from airrace.flights.results.cost_to_go import CostToGoLoss
 from airrace.pages.views.log_tables import passings_table, penalties_text, violations_table
@@ -115,6 +115,11 @@ class LogView:
             begins=self.begins,
             penalties=penalties_text(self.violations),
             displaced=self.displaced,
+            called_penalties=tuple(
+                Penalty(violation.passing, violation.rule, violation.time, violation.penalty)
+                for violation in sorted(self.violations, key=lambda violation: violation.time)
+                if violation.certain and math.isfinite(violation.time)
+            ),
         )
         return with_distances(Flight(race, source, checkpoint.time, histories, tuple(crossings)))
 

@@ -5,6 +5,7 @@ An output is refused where it exists, where the command reads it, or where nothi
 
 import io
 import os
+import re
 import tempfile
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
@@ -15,29 +16,67 @@ from airrace.errors import StorageError, UsageError
 from airrace.files.checkpoint.atomic import replace_file, replacing
 from airrace.files.inputs import Document, Inputs
 from airrace.files.inputs.document import AIRCRAFT, TRACKS
+from airrace.flights.results.flight import NOBODY, Entrant
 from airrace.runtime.extensions import extensions
 from airrace.runtime.standard_streams import ONE_ON_STDOUT, STANDARD
 
 
 @dataclass(frozen=True)
 class FlightName:
-    """A flight as it was asked for: a file, and a stage or None for the last one."""
+    """A flight as it was asked for: a file, a stage or None for the last one, and who flies."""
 
     path: Path
     stage: str | None
+    entrant: Entrant = NOBODY
 
     @classmethod
     def of(cls, text: str) -> "FlightName":
-        """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first.
+        """Split `RUN.h5:STAGE,name=...,nation=...`; a file whose name holds a colon or a comma comes first.
 
         Raises:
-            UsageError: nothing stands behind the colon.
+            UsageError: nothing stands behind the colon, or what stands behind a comma is no detail of an entrant.
         """
+        if not Path(text).exists() and (details := _DETAILS.search(text)):
+            name = cls.of(text[: details.start()])
+            return cls(name.path, name.stage, _entrant_of(text[details.start() :], text))
         file, colon, stage = text.rpartition(":")
         names_stage = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
         if names_stage and not stage:
             raise UsageError(f"{text} names no stage behind the colon; leave the colon out for the last one")
         return cls(Path(file), stage) if names_stage else cls(Path(text), None)
+
+
+_DETAILS = re.compile(r",\s*\w*\s*=")
+"""The first detail of an entrant behind the name of a flight."""
+_FORMS = {
+    "name": (r".*[^\s\"].*", "a name"),
+    "nation": (r"[A-Za-z]{2,3}", "a code of two or three letters, such as SUI"),
+    "number": (r"\w{1,4}", "up to four letters or digits"),
+    "colour": (r"#[0-9A-Fa-f]{6}", "a colour such as #ff8800"),
+}
+"""What each detail has to look like: an expression, and its words."""
+
+
+def _entrant_of(text: str, flight: str) -> Entrant:
+    """Return the entrant of `,name="A, B",nation=SUI,number=7,colour=#ff8800`; quotes hold commas, and may be left out.
+
+    Raises:
+        UsageError: a detail is not known, told twice or not valid.
+    """
+    details: dict[str, str] = {}
+    for part in re.findall(r',((?:"[^"]*"|[^,"]|"(?!.*"))*)', text):
+        key, sign, value = (piece.strip() for piece in part.partition("="))
+        value = value.removeprefix('"').removesuffix('"').strip() if value.startswith('"') else value
+        if not sign or key not in _FORMS:
+            raise UsageError(f"{flight}: {part!r} tells nothing of an entrant; known are {', '.join(_FORMS)}")
+        if key in details:
+            raise UsageError(f"{flight}: the {key} is told twice")
+        form, expected = _FORMS[key]
+        if not re.fullmatch(form, value):
+            raise UsageError(f"{flight}: {value!r} is no {key}: expected {expected}")
+        details[key] = value
+    details["nation"] = details.get("nation", "").upper()
+    return Entrant(**details)
 
 
 NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: name one with --output"

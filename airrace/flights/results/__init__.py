@@ -3,11 +3,13 @@
 from airrace.flights.results.derivation import flight_of
 from airrace.flights.results.flight import (
     Basis,
+    Entrant,
     Flight,
     Histories,
     History,
     Lap,
     Leg,
+    Penalty,
     Source,
     StoredOptimum,
     TimedCrossing,
@@ -19,11 +21,13 @@ from airrace.flights.results.stamp import ReserveState, Stamp
 
 __all__ = [
     "Basis",
+    "Entrant",
     "Flight",
     "Histories",
     "History",
     "Lap",
     "Leg",
+    "Penalty",
     "ReserveState",
     "Source",
     "Stamp",

@@ -167,6 +167,44 @@ class StoredOptimum:
 
 
 @dataclass(frozen=True)
+class Entrant:
+    """Who flies, as an audience is told.
+
+    Attributes:
+        name: of the pilot or the team; empty for the label of the flight.
+        nation: its code of two or three letters, e.g. `SUI`; empty where it is not told.
+        number: of the race, at most four letters or digits; likewise.
+        colour: of the flight in scene and graphics, `#rrggbb`; likewise.
+    """
+
+    name: str = ""
+    nation: str = ""
+    number: str = ""
+    colour: str = ""
+
+
+NOBODY = Entrant()
+"""The entrant of a flight of which nobody has told who flies."""
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """A penalty as it is called during a race.
+
+    Attributes:
+        passing: the name of the passage; empty for the flight as a whole.
+        rule: that is broken, as of `airrace.flights.logs.violations.Violation`.
+        time: s after the start of the flight.
+        seconds: that are added; infinity where the race is over, NaN where the rules name none.
+    """
+
+    passing: str
+    rule: str
+    time: float
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Source:
     """The source of a flight: what it is called, and where it comes from.
 
@@ -184,6 +222,8 @@ class Source:
         penalties: of what is certain in a recorded flight, in words; empty for what is no recorded one.
         displaced: sentences on the gates that by several recorded flights stand elsewhere, where these are judged.
         optimum: of which the multipliers are known; else None.
+        entrant: who flies.
+        called_penalties: for what a recorded flight certainly breaks, in the order of time.
     """
 
     label: str
@@ -199,6 +239,8 @@ class Source:
     penalties: str = ""
     displaced: tuple[str, ...] = ()
     optimum: StoredOptimum | None = field(default=None, compare=False, repr=False)
+    entrant: Entrant = NOBODY
+    called_penalties: tuple[Penalty, ...] = ()
 
     @property
     def certified(self) -> bool | None:

@@ -7,16 +7,20 @@ from descriptor 3 and answers on descriptor 4.
 import contextlib
 import json
 import os
+import queue
 import shutil
 import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Generator
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from airrace.errors import StorageError, UsageError
+from airrace.runtime.process import available_cores
 
 BROWSERS = (
     *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
@@ -27,6 +31,10 @@ PATIENCE = 120.0
 """The time that a browser has for one answer, s: the first picture takes seconds where the processor draws it."""
 PRINTING = 180.0
 """The time that it has to print, s."""
+BROWSERS_MAX = 4
+"""The largest number of browsers that share the work: each takes some hundred megabytes."""
+WORTH_A_BROWSER = 20
+"""The number of pictures from which on a browser is worth its start."""
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """Pictures are drawn by the processor: their bits are then the same on every machine with this browser."""
 HARDWARE = ("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
@@ -167,6 +175,45 @@ def page_in_browser(page: str, what: str, drawn_by: tuple[str, ...]) -> Generato
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process, signal.SIGKILL)
             os.waitpid(process, 0)
+
+
+def values_in_browsers(
+    first: Page, page: str, expressions: Sequence[str], what: str, drawn_by: tuple[str, ...]
+) -> Generator[Any]:  # Any: as of `Page.value`
+    """Yield the values of programs in a page, in their order; several browsers share the work.
+
+    Args:
+        first: a browser in which the page is open.
+        page, what, drawn_by: as of `page_in_browser`, for the other ones.
+        expressions: the programs, none of which depends on another.
+
+    Raises:
+        UsageError, StorageError: as of `page_in_browser` and `Page.value`.
+    """
+    count = max(1, min(available_cores(), BROWSERS_MAX, len(expressions) // WORTH_A_BROWSER))
+    idle = queue.SimpleQueue[Page]()
+
+    def value(expression: str) -> Any:  # Any: as above
+        browser = idle.get()
+        try:
+            return browser.value(expression)
+        finally:
+            idle.put(browser)
+
+    with contextlib.ExitStack() as browsers, ThreadPoolExecutor(count) as threads:
+        idle.put(first)
+        for _ in range(count - 1):
+            idle.put(browsers.enter_context(page_in_browser(page, what, drawn_by)))
+        waiting = deque[Future[Any]]()
+        try:
+            for expression in expressions:
+                waiting.append(threads.submit(value, expression))
+                if len(waiting) > 2 * count:  # no picture is drawn long before it is taken
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            threads.shutdown(cancel_futures=True)
 
 
 def _pipe() -> tuple[int, int]:

@@ -6,11 +6,16 @@ The object, with the format's name first:
     units           {speed, length, per_m}: those of the page, and how many lengths are a metre
     course          elements, crowd, obstacles, lines, airspace, frame: see below
     flights         the flights, the first of which the page is about; the others are its ghosts
-      label           what tells it from the others
-      stamp           what it is: stage, certificate, aircraft, air
+      label           what tells it from the others: who flies, where that is told
+      named           whether it is told who flies
+      nation, number, colour  of who flies, each empty where it is not told
+      stamp           what it is: stage, certificate, aircraft, air; in the language of the broadcast
       aircraft        {name, span}: span of its wing, m
       race_time       s; null where the flight has not made the first and the last passing
-      passings        [{name, lap, time}], in their order: the element's name, and which lap it belongs to
+      passings        [{name, lap, time, number}], in their order: the element's name, which lap it belongs to, and
+                      which passing of the course it is
+      penalties       [{time, rule, gate, seconds}], in the order of time: what is broken, at which gate (may be empty),
+                      and what is added, s; null where the race is over, 0 where the rules name none
       time            s, rising, N values
       histories       by name, N values each; a flight need not have all of them
       envelope        of closed-loop flights along it, 95 % of them: time (s) and `left`, `right`, `below`, `above`, the
@@ -28,6 +33,9 @@ The object, with the format's name first:
       flight          its number
       time            when the first flight was at these places, s, n values
       difference      how much later the other flight was there, s, n values
+
+    broadcast       of films and cards: `decimal`, the sign before decimals; `texts` by their keys, see languages.toml;
+                    `subtitle` and `state` of the first flight on a card
 
 Numbers of histories are 32-bit floats, least significant byte first, written as base64; NaN where nothing is known. The
 histories `north`, `east`, `up` (m, in the track's frame), `way` (the distance flown since the first passing) and `q0`
@@ -57,6 +65,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +78,8 @@ from airrace.model.track.course import CrowdShape
 from airrace.model.track.element import Element
 from airrace.optimal_control.quantities import DEGREE, KNOT
 from airrace.optimal_control.trajectory import Array
+from airrace.pages.report.film import Language
+from airrace.pages.report.languages import decimal_sign, graphics_texts, stamp_text
 from airrace.pages.views.map_model import MapModel, coordinates
 from airrace.pages.views.tables import RACE, Units
 
@@ -168,6 +179,8 @@ def contents_of(
     map_: MapModel,
     envelope: "SafetyResult | None" = None,
     units: Units = RACE,
+    language: Language = Language.EN,
+    card: Mapping[str, str] | None = None,
 ) -> dict[str, object]:
     """Return the object that the module describes.
 
@@ -177,11 +190,13 @@ def contents_of(
         map_: the race of the first from above.
         envelope: closed-loop flights along the first; None for none.
         units: of speeds and lengths in histories.
+        language: of films and cards.
+        card: `subtitle` and `state`.
     """
     flights = [with_nearest(flight, NEAR) for flight in flights]
     first = flights[0]
     flight_objects = [
-        {**_flight(flight, label, units), "envelope": None}
+        {**_flight(flight, label, units), "stamp": stamp_text(flight, language, units), "envelope": None}
         for flight, label in zip(flights, short_labels(flights), strict=True)
     ]
     if envelope:
@@ -203,6 +218,7 @@ def contents_of(
             {"flight": number, "time": pack(time), "difference": pack(loss)}
             for number, (time, loss) in enumerate(map(time_lost, comparisons), start=1)
         ],
+        "broadcast": {"decimal": decimal_sign(language), "texts": graphics_texts(language), **(card or {})},
     }
 
 
@@ -232,6 +248,12 @@ def clock_start(flight: Flight) -> float:
     """Return when the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
     starts = flight.crossings and flight.crossings[0].found
     return flight.crossings[0].time if starts else float(flight.time[0])
+
+
+def race_begins(flight: Flight) -> datetime | None:
+    """Return when the clock of the race starts in a flight; None where no log knows it."""
+    begins = flight.source.begins
+    return None if begins is None else begins + timedelta(seconds=clock_start(flight))
 
 
 def way_from_start(flight: Flight) -> Array:
@@ -266,6 +288,7 @@ def _times(flight: Flight, leg: Leg) -> Array:
 
 def _flight(flight: Flight, label: str, units: Units) -> dict[str, object]:
     begin = clock_start(flight)
+    gates = {crossing.name: crossing.passage.element.name for crossing in flight.crossings}
     histories = {"north": flight["x"], "east": flight["y"], "up": flight["height"]}
     histories["way"] = units.per_m * way_from_start(flight)
     histories |= {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
@@ -274,13 +297,28 @@ def _flight(flight: Flight, label: str, units: Units) -> dict[str, object]:
         histories |= {name: flight[name] / factor for name, _ in strip.lines if name in flight}
     return {
         "label": label,
-        "stamp": flight.stamp.text,
+        "named": bool(flight.source.entrant.name),
+        **{name: getattr(flight.source.entrant, name) for name in ("nation", "number", "colour")},
         "aircraft": {"name": flight.aircraft.name, "span": flight.aircraft.airframe.b},
         "race_time": flight.race_time if math.isfinite(flight.race_time) else None,
         "passings": [
-            {"name": crossing.passage.element.name, "lap": crossing.lap, "time": crossing.time - begin}
-            for crossing in flight.crossings
+            {
+                "name": crossing.passage.element.name,
+                "lap": crossing.lap,
+                "time": crossing.time - begin,
+                "number": number,
+            }
+            for number, crossing in enumerate(flight.crossings)
             if crossing.found
+        ],
+        "penalties": [
+            {
+                "time": penalty.time - begin,
+                "rule": penalty.rule,
+                "gate": gates.get(penalty.passing, ""),
+                "seconds": None if math.isinf(penalty.seconds) else float(np.nan_to_num(penalty.seconds)),
+            }
+            for penalty in flight.source.called_penalties
         ],
         "time": pack(flight.time - begin),
         "histories": {name: pack(values) for name, values in histories.items()},

@@ -1,20 +1,24 @@
 """Films and cards: the scene of a report, drawn instant by instant by a browser; a film is put together by ffmpeg."""
 
 import base64
+import io
 import json
 import math
 import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from enum import StrEnum
+from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
 
 from airrace.errors import StorageError, UsageError
-from airrace.pages.report.browser import HARDWARE, SOFTWARE, browser_path, page_in_browser
+from airrace.pages.report.browser import HARDWARE, SOFTWARE, browser_path, page_in_browser, values_in_browsers
 from airrace.runtime.resources import extra
 from airrace.runtime.standard_streams import STANDARD
 
@@ -28,11 +32,49 @@ PIXELS_MIN, PIXELS_MAX = 160, 3840
 RATE_MIN, RATE_MAX = 1.0, 120.0
 """The range of pictures per second."""
 FILMS, CARDS = "films are drawn", "cards are drawn"
-ENCODERS = {
-    ".mp4": ("-c:v", "libx264", "-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"),
-    ".gif": ("-filter_complex", "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"),
+REPLAY_RATE = 0.4
+"""The share of real time in which a moment is shown again."""
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """How pictures become a file.
+
+    Attributes:
+        pictures: of the browser, `jpeg` or `png`; only the latter have an alpha channel.
+        encoder: the arguments of ffmpeg; empty where the pictures themselves are kept.
+        alpha: whether the file has an alpha channel.
+        timed: whether it has a time code.
+    """
+
+    pictures: str
+    encoder: tuple[str, ...]
+    alpha: bool = False
+    timed: bool = False
+
+
+def _broadcast(pixels: str, scale: str = "") -> tuple[str, str]:
+    """Return the arguments of ffmpeg for pixels of this form as television has them: BT.709 in the limited range.
+
+    The browser's pictures are sRGB, whose primaries are the same, in the full range; their profile is left out.
+    """
+    labels = "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709"
+    converted = f"scale={scale}in_range=pc:out_color_matrix=bt709:out_range=tv,format={pixels}"
+    return "-vf", f"{converted},{labels},sidedata=delete:type=ICC_PROFILE"
+
+
+_H264 = ("-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-movflags", "+faststart")
+_PRORES = ("-c:v", "prores_ks", "-profile:v", "4444", "-alpha_bits", "16", "-vendor", "apl0")
+_GIF = ("-filter_complex", "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer")
+KINDS = {
+    ".mp4": FileKind("jpeg", (*_broadcast("yuv420p", "in_color_matrix=bt601:"), *_H264), timed=True),
+    ".mov": FileKind("png", (*_broadcast("yuva444p10le"), *_PRORES), alpha=True, timed=True),
+    ".zip": FileKind("png", (), alpha=True),
+    ".gif": FileKind("jpeg", _GIF),
 }
-"""The arguments of ffmpeg by the kind of the file."""
+"""The kinds of files by their suffixes: H.264, ProRes 4444, a sequence of PNG in a ZIP archive, and GIF."""
+TIME_CODE_RATES = (24, 25, 30, 48, 50, 60)
+"""The pictures per second, rounded, that time codes count (SMPTE ST 12-1)."""
 
 
 class FilmView(StrEnum):
@@ -46,6 +88,27 @@ class FilmView(StrEnum):
     SIDE = "side"
 
 
+class Language(StrEnum):
+    """A language of films and cards, by its code in ISO 639-1."""
+
+    EN = "en"
+    DE = "de"
+    FR = "fr"
+    IT = "it"
+    ES = "es"
+
+
+def language_named(name: str) -> Language:
+    """Return a language by its code.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if name not in list(Language):
+        raise UsageError(f"there is no language {name!r}; known are {', '.join(Language)}")
+    return Language(name)
+
+
 @dataclass(frozen=True)
 class FilmSettings:
     """What a film shows.
@@ -55,6 +118,7 @@ class FilmSettings:
         fps: pictures per second.
         begin, end: of the first flight, s on its clock; None for the whole of it.
         view: where it is taken from.
+        graphics_only: whether graphics are drawn alone, on nothing.
     """
 
     width: int
@@ -63,6 +127,20 @@ class FilmSettings:
     begin: float | None
     end: float | None
     view: FilmView
+    graphics_only: bool = False
+
+    @property
+    def rate(self) -> Fraction:
+        """Pictures per second; those of television, such as 59.94, are 1000/1001 of a whole number."""
+        whole = round(self.fps)
+        if abs(self.fps - whole / 1.001) < 5e-3 * (whole % 6 == 0):
+            return Fraction(1000 * whole, 1001)
+        return Fraction(self.fps).limit_denominator(1000)
+
+    @property
+    def shows_again(self) -> bool:
+        """Whether a moment is shown again: in a film of the whole race as television shows it."""
+        return self.begin is None and self.end is None and self.view is FilmView.TV
 
     def times(self, duration: float) -> list[float]:
         """Return the instant of every picture of a flight of a duration (s); its finish is held for a moment.
@@ -81,7 +159,13 @@ class FilmSettings:
                 f"a film up to {end:g} s is longer than the flight of {duration:.3f} s, "
                 f"whose finish is held up to {last:.3f} s"
             )
-        return [min(begin + i / self.fps, duration) for i in range(max(math.ceil((end - begin) * self.fps - 1e-6), 1))]
+        count = max(math.ceil((end - begin) * self.rate - 1e-6), 1)
+        return [min(begin + float(i / self.rate), duration) for i in range(count)]
+
+    def replay_times(self, begin: float, end: float) -> list[float]:
+        """Return the instant of every picture of a stretch that is shown again in slow motion."""
+        count = math.ceil((end - begin) / REPLAY_RATE * self.rate - 1e-6)
+        return [begin + REPLAY_RATE * float(i / self.rate) for i in range(count)]
 
 
 def film_settings(
@@ -94,21 +178,26 @@ def film_settings(
     from_: float | None = None,
     to: float | None = None,
     seconds: float | None = None,
+    graphics_only: bool = False,
 ) -> FilmSettings:
     """Return the settings of a film from the user's options.
 
     Args:
-        path, view, format: the film, `.mp4` or `.gif`; one of `FilmView`; one of `SIZES`.
+        path, view, format: the film, of a suffix in `KINDS`; one of `FilmView`; one of `SIZES`.
         size: `WIDTHxHEIGHT` in pixels, instead of a format.
         fps: pictures per second; None for 30, of a GIF 15.
+        graphics_only: whether graphics are drawn alone, which takes a file with an alpha channel.
         from_, to, seconds: the piece, on the clock of the race, s; None for all of it. A length excludes an end.
 
     Raises:
         UsageError: an option is not valid, or Chromium or ffmpeg is not found.
     """
     suffix = path.suffix.lower()
-    if suffix not in ENCODERS:
-        raise UsageError(f"{path}: the name of a film must end in {' or '.join(ENCODERS)}")
+    if suffix not in KINDS:
+        raise UsageError(f"{path}: the name of a film must end in {', '.join(KINDS)}")
+    if graphics_only and not KINDS[suffix].alpha:
+        transparent = " or ".join(name for name, kind in KINDS.items() if kind.alpha)
+        raise UsageError(f"{path}: graphics alone need a file with an alpha channel: {transparent}")
     if view not in list(FilmView):
         raise UsageError(f"there is no view {view!r}; known are {', '.join(FilmView)}")
     if format not in SIZES:
@@ -135,8 +224,9 @@ def film_settings(
             raise UsageError(f"a film of {seconds:g} s shows nothing")
         to = (from_ or 0.0) + seconds
     browser_path(FILMS, "")
-    ffmpeg_path()
-    return FilmSettings(width, height, rate, from_, to, FilmView(view))
+    if KINDS[suffix].encoder:
+        ffmpeg_path()
+    return FilmSettings(width, height, rate, from_, to, FilmView(view), graphics_only)
 
 
 def ffmpeg_path() -> str:
@@ -149,38 +239,106 @@ def ffmpeg_path() -> str:
     return installed or str(extra("imageio_ffmpeg", "a film", "film").get_ffmpeg_exe())
 
 
-def film_of(page: str, settings: FilmSettings, suffix: str, watch: Callable[[float], None] = lambda _: None) -> bytes:
-    """Return a film, `.mp4` or `.gif`, of the scene of a report; `watch` is called with the share that is done.
+def film_of(
+    page: str,
+    settings: FilmSettings,
+    suffix: str,
+    watch: Callable[[int, int], None] = lambda done, total: None,
+    begins: datetime | None = None,
+) -> bytes:
+    """Return a film, of a suffix in `KINDS`, of the scene of a report.
+
+    Args:
+        page: the report.
+        settings, suffix: of the film and its file.
+        watch: is called with the pictures that are drawn, and with all.
+        begins: when the clock of the race starts, for the time code; None for midnight.
 
     Raises:
         UsageError: nothing lies between begin and end, or Chromium or ffmpeg is not found.
         StorageError: one of them fails.
     """
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        page_in_browser(page, FILMS, HARDWARE) as browser,
-    ):
-        times = settings.times(float(browser.value("airrace.flights[0].duration")))
-        file = Path(folder) / f"film{suffix.lower()}"
-        command = [ffmpeg_path(), "-loglevel", "error", "-f", "image2pipe", "-c:v", "mjpeg"]
-        command += ["-framerate", f"{settings.fps:g}", "-i", "-", *ENCODERS[suffix.lower()]]
+    kind = KINDS[suffix.lower()]
+    with page_in_browser(page, FILMS, HARDWARE) as browser:
+        duration, again = browser.value("[airrace.flights[0].duration, airrace.film.replay]")
+        instants = [(time, str(settings.view)) for time in settings.times(float(duration))]
+        if again and settings.shows_again:
+            instants += [(time, "replay") for time in settings.replay_times(again["from"], again["to"])]
+        size = [settings.width, settings.height, kind.pictures, settings.graphics_only]
+        watch(0, len(instants))
+        frames = [f"airrace.film.frame(...{json.dumps([time, view, *size])})" for time, view in instants]
+
+        def pictures() -> Iterator[bytes]:
+            drawn = values_in_browsers(browser, page, frames, FILMS, HARDWARE)
+            for number, text in enumerate(drawn, start=1):
+                yield base64.b64decode(text)
+                watch(number, len(frames))
+
+        if not kind.encoder:
+            return _archive(pictures())
+        arguments = list(kind.encoder)
+        if kind.timed and (code := time_code(instants[0][0], settings.rate, begins)):
+            arguments += ["-timecode", code]
+        return _encoded(pictures(), suffix.lower(), kind.pictures, settings.rate, arguments)
+
+
+def _encoded(pictures: Iterable[bytes], suffix: str, form: str, rate: Fraction, arguments: Sequence[str]) -> bytes:
+    """Return pictures, `jpeg` or `png`, as ffmpeg makes a film of them."""
+    with tempfile.TemporaryDirectory() as folder:
+        file, output = Path(folder) / f"film{suffix}", Path(folder) / "output"
+        command = [ffmpeg_path(), "-loglevel", "error", "-f", "image2pipe"]
+        command += ["-c:v", {"jpeg": "mjpeg", "png": "png"}[form], "-framerate", str(rate), "-i", "-", *arguments]
         command += ["-fflags", "+bitexact", "-flags:v", "+bitexact", str(file)]
-        output = Path(folder) / "output"
         try:
             with (
                 output.open("wb") as stream,
                 subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream) as ffmpeg,
             ):
                 assert ffmpeg.stdin is not None
-                for number, time in enumerate(times, start=1):
-                    frame = json.dumps([time, settings.view, settings.width, settings.height])
-                    _ = ffmpeg.stdin.write(base64.b64decode(browser.value(f"airrace.film.frame(...{frame})")))
-                    watch(number / len(times))
+                for picture in pictures:
+                    _ = ffmpeg.stdin.write(picture)
             if ffmpeg.returncode == 0:
                 return file.read_bytes()
         except OSError as error:
             raise StorageError(f"ffmpeg fails: {_last_line(output) or error}") from error
         raise StorageError(f"ffmpeg fails: {_last_line(output) or f'exit code {ffmpeg.returncode}'}")
+
+
+def _archive(pictures: Iterable[bytes]) -> bytes:
+    """Return pictures in PNG as a ZIP archive, numbered from 00000.png; the same pictures give the same bits."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:  # they are compressed already
+        for number, picture in enumerate(pictures):
+            archive.writestr(zipfile.ZipInfo(f"{number:05d}.png"), picture)
+    return content.getvalue()
+
+
+def time_code(time: float, rate: Fraction, begins: datetime | None = None) -> str:
+    """Return the time code of a picture (SMPTE ST 12-1); empty where none counts so many pictures per second.
+
+    It follows the clock: at 29.97 and 59.94 pictures per second numbers are dropped, which its last separator says.
+
+    Args:
+        time: on the clock of the race, s.
+        rate: pictures per second.
+        begins: when that clock starts; None for midnight.
+    """
+    nominal = round(rate)
+    if nominal not in TIME_CODE_RATES or (rate != nominal and rate != Fraction(1000 * nominal, 1001)):
+        return ""
+    midnight = 0.0
+    if begins is not None:
+        midnight = (begins - begins.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds()
+    number = round(Fraction(midnight + time) * rate)
+    drops = rate != nominal and nominal % 30 == 0
+    if drops:
+        dropped = nominal // 15  # numbers at the beginning of every minute but each tenth
+        tens, rest = divmod(number, 10 * (60 * nominal) - 9 * dropped)
+        minutes = max(rest - dropped, 0) // (60 * nominal - dropped)
+        number += dropped * (9 * tens + minutes)
+    seconds, frame = divmod(number, nominal)
+    hours, minutes, seconds = seconds // 3600 % 24, seconds // 60 % 60, seconds % 60
+    return f"{hours:02d}:{minutes:02d}:{seconds:02d}{';' if drops else ':'}{frame:02d}"
 
 
 def ensure_card(path: Path) -> None:

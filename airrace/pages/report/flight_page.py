@@ -21,6 +21,8 @@ from airrace.flights.results.cues import cues_of
 from airrace.flights.results.flight_facts import Range, leg_facts, sustained_loads
 from airrace.flights.results.time_loss import time_loss
 from airrace.pages.report.contents import as_json, clock_start, contents_of, unit_of
+from airrace.pages.report.film import Language
+from airrace.pages.report.languages import state_text, wind_text
 from airrace.pages.report.script import FOLDER, LIBRARIES, page_script
 from airrace.pages.report.sections import capitalise, note, number, section, table_section
 from airrace.pages.views.comparison_tables import (
@@ -69,6 +71,7 @@ def flight_page(
     envelope: "SafetyResult | None" = None,
     style: str = "",
     units: Units = RACE,
+    language: Language = Language.EN,
 ) -> str:
     """Return the page about some flights as HTML.
 
@@ -80,6 +83,7 @@ def flight_page(
             flight, and what is not.
         style: CSS that comes after the page's own, such as `SCENE_ALONE`.
         units: of speeds and lengths.
+        language: of films and cards that are taken of the page, whose own texts are English.
 
     Raises:
         UsageError: a flight is of a course with other passings.
@@ -103,8 +107,11 @@ def flight_page(
     near = f", {misses} pylon{'' if misses == 1 else 's'} too near" if misses else ""
     verification = first.source.verification
     outcome = "" if verification is None or verification.verified else f"; {verification.outcome}"
-    state = html.escape(f"{first.source.state or 'recorded'}{near}")
-    look = f'class="verdict {_colour(first, misses)}" data-state="{state}"'
+    look = f'class="verdict {_colour(first, misses)}"'
+    card = {"subtitle": _subtitle(first, units), "state": f"{first.source.state or 'recorded'}{near}"}
+    if language is not Language.EN:
+        parts = (first.aircraft.name, first.source.stage, wind_text(first, language, units))
+        card = {"subtitle": ", ".join(filter(None, parts)), "state": state_text(first, misses, language)}
     words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
     verdict = f"<div {look}>{words}</div>"
     if claimed:
@@ -130,7 +137,7 @@ def flight_page(
         sections="\n".join(filter(None, sections)),
         footer=escape_html(footer),
         style=style,
-        contents=as_json(contents_of(flights, comparisons, map_, envelope, units)),
+        contents=as_json(contents_of(flights, comparisons, map_, envelope, units, language, card)),
         script=script,
     )
 

@@ -50,16 +50,19 @@ class CountView:
 
     def watch(self, done: int, total: int, broken: int) -> None:
         """Show how many flights of the task are flown, and how many of these break a rule."""
+        self.tell(f"flights {done} of {total}" + f", {broken} break a rule" * bool(done), done, total)
+
+    def tell(self, text: str, done: int, total: int) -> None:
+        """Show in a text how much of the task is done, with the time left, unless it was shown only now."""
         now = self._clock()
         if not self._renews and done < total and now - self._last_line < LINE_INTERVAL:
             return
-        share = f", {broken} break a rule" if done else ""
         left = ""
-        if done:
+        if done and now > self._begun:
             of_task = (now - self._begun) * (total / done - 1.0)
             usual = (now - self._started + of_task) / (self._number + 1)  # of a task
             left = f", {duration_text(of_task + usual * (self._tasks - self._number - 1))} left"
-        self.show(f"{self._title}{': ' if self._title else ''}flights {done} of {total}{share}{left}")
+        self.show(f"{self._title}{': ' if self._title else ''}{text}{left}")
 
     def close(self) -> None:
         """Remove the line that is renewed."""

@@ -1,19 +1,28 @@
 """Films and cards: what their words mean, what is missing, and that the same flight gives the same pictures."""
 
+import base64
+import contextlib
 import importlib
+import io
 import itertools
 import os
+import re
 import shutil
 import struct
 import subprocess
 import sys
 import tempfile
+import zipfile
+from collections.abc import Generator
+from datetime import UTC, datetime
+from fractions import Fraction
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
 import pytest
-from browser_pages import browser_path
+from browser_pages import Opened, browser_path
 from example_flights import half_cuban
 from PIL import Image, ImageSequence
 
@@ -21,7 +30,15 @@ from airrace.cli.main import app
 from airrace.errors import StorageError, UsageError
 from airrace.pages.report import browser, film
 from airrace.pages.report.browser import page_in_browser, print_pdf
-from airrace.pages.report.film import FINISH_HOLD, FilmSettings, FilmView, ensure_card, ffmpeg_path, film_settings
+from airrace.pages.report.film import (
+    FINISH_HOLD,
+    FilmSettings,
+    FilmView,
+    ensure_card,
+    ffmpeg_path,
+    film_settings,
+    time_code,
+)
 
 MP4, GIF = Path("race.mp4"), Path("race.gif")
 
@@ -49,8 +66,9 @@ def test_a_film_has_the_pixels_and_the_rate_of_its_format() -> None:
 @pytest.mark.parametrize(
     ("path", "words", "told"),
     [
-        ("race.avi", {}, ".mp4 or .gif"),
-        ("race", {}, ".mp4 or .gif"),
+        ("race.avi", {}, r".mp4, .mov, .zip, .gif"),
+        ("race", {}, r".mp4, .mov, .zip, .gif"),
+        ("race.mp4", {"graphics_only": True}, r"alpha channel: .mov or .zip"),
         ("race.mp4", {"format": "4:3"}, "16:9, 9:16, 1:1"),
         ("race.mp4", {"view": "seat"}, "tv, chase, cockpit"),
         ("race.mp4", {"size": "1280"}, "1920x1080"),
@@ -78,9 +96,95 @@ def test_pictures_lie_a_frame_apart_and_the_finish_is_held(fps: float) -> None:
     times = settings(fps=fps).times(10.0)
     flown = [time for time in times if time < 10.0]
     assert times[0] == 0.0
-    assert np.diff(flown) == pytest.approx(1.0 / fps)
+    assert np.diff(flown) == pytest.approx(float(1 / settings(fps=fps).rate))
     assert times[-1] == 10.0
     assert len(times) / fps == pytest.approx(10.0 + FINISH_HOLD, abs=1.0 / fps)
+
+
+@pytest.mark.parametrize(
+    ("fps", "rate"),
+    [(59.94, Fraction(60000, 1001)), (29.97, Fraction(30000, 1001)), (23.976, Fraction(24000, 1001)), (50.0, 50)],
+)
+def test_rates_of_television_are_exact(fps: float, rate: Fraction) -> None:
+    assert settings(fps=fps).rate == rate
+
+
+@pytest.mark.parametrize("fps", [25.0, 59.94])
+def test_a_stretch_is_shown_again_in_slow_motion_from_its_begin_to_its_end(fps: float) -> None:
+    times = settings(fps=fps).replay_times(20.0, 22.5)
+    assert times[0] == 20.0
+    assert np.diff(times) == pytest.approx(0.4 / float(settings(fps=fps).rate))
+    assert 22.5 - 0.4 / fps <= times[-1] < 22.5
+
+
+@pytest.mark.parametrize(
+    ("words", "again"),
+    [({}, True), ({"from_": 2.0}, False), ({"to": 9.0}, False), ({"view": "chase"}, False)],
+)
+@pytest.mark.usefixtures("installed")
+def test_only_a_whole_race_as_television_shows_it_ends_with_a_replay(words: dict[str, Any], again: bool) -> None:
+    assert film_settings(MP4, **words).shows_again is again
+
+
+NOON = datetime(2026, 11, 29, 12, 30, 15, 500_000, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("time", "rate", "begins", "code"),
+    [
+        (0.0, Fraction(50), None, "00:00:00:00"),
+        (61.5, Fraction(50), None, "00:01:01:25"),
+        (1.0, Fraction(50), NOON, "12:30:16:25"),
+        (60.06, Fraction(60000, 1001), None, "00:01:00;04"),  # number 3600: the first four of the minute are dropped
+        (600.6, Fraction(60000, 1001), None, "00:10:00;36"),
+        (0.0, Fraction(25, 2), None, ""),
+    ],
+)
+def test_a_time_code_is_that_of_the_clock(time: float, rate: Fraction, begins: datetime | None, code: str) -> None:
+    assert time_code(time, rate, begins) == code
+
+
+def test_a_time_code_that_drops_numbers_counts_up_and_never_strays_from_the_clock() -> None:
+    rate, before = Fraction(60000, 1001), ""
+    for number in itertools.chain(range(3590, 3610), range(35950, 35975), range(5_178_790, 5_178_815)):
+        code = time_code(float(number / rate), rate)
+        hours, minutes, rest = code.split(":")
+        seconds, frame = rest.split(";")
+        assert code > before
+        assert not (seconds == "00" and int(minutes) % 10 and int(frame) < 4)
+        on_code = 3600 * int(hours) + 60 * int(minutes) + int(seconds) + int(frame) / 60.0
+        assert on_code == pytest.approx(float(number / rate), abs=0.1)
+        before = code
+
+
+class Slow:
+    """A browser that answers with what it is asked, the later the sooner."""
+
+    def value(self, expression: str) -> str:
+        sleep(0.02 / (1 + int(expression)))
+        if expression == "71":
+            raise StorageError("the page fails")
+        return expression
+
+
+@pytest.mark.parametrize("count", [1, 5, 70])
+def test_several_browsers_answer_in_the_order_in_which_they_were_asked(
+    monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    opened: list[Slow] = []
+
+    @contextlib.contextmanager
+    def open_page(*_: object) -> Generator[Slow]:
+        opened.append(Slow())
+        yield opened[-1]
+
+    monkeypatch.setattr(browser, "page_in_browser", open_page)
+    monkeypatch.setattr(browser, "available_cores", lambda: 3)
+    asked = [str(number) for number in range(count)]
+    assert list(browser.values_in_browsers(Slow(), "", asked, "", ())) == asked  # pyright: ignore[reportArgumentType]
+    assert len(opened) == (2 if count == 70 else 0)
+    with pytest.raises(StorageError, match="the page fails"):
+        list(browser.values_in_browsers(Slow(), "", [*asked, "71", "72"], "", ()))  # pyright: ignore[reportArgumentType]
 
 
 def test_a_piece_of_a_race_is_as_long_as_was_asked_for() -> None:
@@ -203,6 +307,71 @@ def test_a_film_has_every_picture_and_none_twice(tmp_path: Path) -> None:
         assert moving.size == (320, 180)
     assert len(pictures) == 8
     assert min(np.abs(a - b).mean() for a, b in itertools.pairwise(pictures)) > 0.5
+
+
+def stream_of(path: Path) -> str:
+    """What ffmpeg says of a film."""
+    told = subprocess.run([ffmpeg_path(), "-hide_banner", "-i", str(path)], capture_output=True, text=True, check=False)
+    return told.stderr
+
+
+def pixels_of(path: Path, width: int, height: int) -> Any:  # Any: an array of bytes
+    """Red, green, blue and alpha of every picture of a film."""
+    read = [ffmpeg_path(), "-v", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgba", "-"]
+    return np.frombuffer(subprocess.run(read, check=True, capture_output=True).stdout, np.uint8).reshape(
+        -1, height, width, 4
+    )
+
+
+@pytest.mark.slow
+def test_films_are_what_a_chain_of_television_expects(tmp_path: Path) -> None:
+    browser_path()
+    words: dict[str, Any] = {"size": "320x180", "fps": 59.94, "from_": 1.0, "seconds": 0.05}
+    said = stream_of(half_cuban().film(tmp_path / "race.mp4", **words))
+    assert re.search(r"h264 .*yuv420p\(tv, bt709, progressive\), 320x180.* 59\.94 fps", said)
+    assert "timecode        : 00:00:01;00" in said
+    assert "ICC" not in said
+    said = stream_of(half_cuban().film(tmp_path / "race.mov", **(words | {"fps": 50.0})))
+    assert re.search(r"prores \(4444\).*yuva444p\d+le\(tv, bt709.*320x180.* 50 fps", said)
+    assert "timecode        : 00:00:01:00" in said
+
+
+@pytest.mark.slow
+def test_graphics_alone_lie_over_any_picture_as_over_the_scene(laptop: Opened) -> None:
+    """Pixel by pixel: the graphics with their alpha over the scene are the picture of both."""
+    whole, scene, alone = laptop.run(
+        """() => {
+          const { film, graphics, scene } = airrace, view = scene.views.get("tv"), [w, h] = [640, 360];
+          const pixels = (context) => Array.from(context.getImageData(0, 0, w, h).data);
+          const context = film.drawn(3.0, view, w, h, [0, 0], 1);
+          const under = pixels(context);
+          graphics.draw(context, w, h, 3.0, view, { whole: true });
+          graphics.stamp(w, h);
+          return [pixels(context), under, film.frame(3.0, "tv", w, h, "png", true)];
+        }"""
+    )
+    with Image.open(io.BytesIO(base64.b64decode(alone))) as picture:
+        graphics = np.asarray(picture.convert("RGBA"), float)
+    shape = 360, 640, 4
+    alpha = graphics[..., 3:] / 255.0
+    both = alpha * graphics[..., :3] + (1.0 - alpha) * np.reshape(scene, shape)[..., :3]
+    assert np.abs(both - np.reshape(whole, shape)[..., :3]).max() <= 3.0
+    assert 0.05 < (alpha > 0.0).mean() < 0.5
+
+
+@pytest.mark.slow
+def test_the_alpha_channel_of_a_film_is_that_of_its_pictures(tmp_path: Path) -> None:
+    browser_path()
+    words: dict[str, Any] = {"size": "640x360", "fps": 25.0, "from_": 3.0, "seconds": 0.08, "graphics_only": True}
+    with zipfile.ZipFile(half_cuban().film(tmp_path / "alone.zip", **words)) as archive:
+        assert archive.namelist() == ["00000.png", "00001.png"]
+        pictures = [np.asarray(Image.open(archive.open(name)).convert("RGBA"), int) for name in archive.namelist()]
+    films = pixels_of(half_cuban().film(tmp_path / "alone.mov", **words), 640, 360).astype(int)
+    for picture, in_film in zip(pictures, films, strict=True):
+        assert np.abs(picture[..., 3] - in_film[..., 3]).max() <= 2
+        opaque = picture[..., 3] > 150
+        assert np.abs(picture - in_film)[opaque].mean() < 4.0
+        assert (picture[..., 3] == 0).mean() > 0.5
 
 
 @pytest.mark.slow

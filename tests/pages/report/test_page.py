@@ -124,12 +124,12 @@ def test_flights_beside_it_are_listed_with_their_difference() -> None:
     assert "+5.000" not in read(flight_page([circle()])).texts["td"]
 
 
-def test_the_page_says_what_the_flight_is_in_its_head_where_cards_and_films_take_it_from() -> None:
+def test_the_page_says_what_the_flight_is_in_its_head_and_to_cards_and_films() -> None:
     asked = replace(circle().source, status=Status.CERTIFIED, pilot="race", reserve=ReserveState(0.9))
     page = flight_page([replace(circle(), source=asked)])
     head = page[page.index('<header class="mast">') : page.index("</header>")]
     assert "limits: race; reserve: 0.9 asked, not reached yet: this is the line without" in head
-    assert page_script().count(".mast .stamp") == 2
+    assert read(page).contents["flights"][0]["stamp"].startswith("as flown, certified; ")
 
 
 def test_only_a_flight_whose_reserve_was_measured_is_not_said_to_have_none() -> None:
@@ -215,7 +215,8 @@ def test_numbers_survive_to_the_last_bit_of_32(values: list[float]) -> None:
 def test_the_format_is_as_its_documentation_has_it() -> None:
     page = contents(circle(), labelled(circle(25.0), "slower"))
     assert page["format"] == FORMAT
-    assert list(page) == ["format", "units", "course", "flights", "strips", "colours", "differences"]
+    assert list(page) == ["format", "units", "course", "flights", "strips", "colours", "differences", "broadcast"]
+    assert list(page["broadcast"]) == ["decimal", "texts"]
     assert list(page["course"]) == [
         "elements",
         "crowd",
@@ -228,12 +229,17 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
     ]
     assert list(page["flights"][0]) == [
         "label",
-        "stamp",
+        "named",
+        "nation",
+        "number",
+        "colour",
         "aircraft",
         "race_time",
         "passings",
+        "penalties",
         "time",
         "histories",
+        "stamp",
         "envelope",
     ]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]

@@ -117,6 +117,109 @@ def test_the_order_of_the_flights_and_their_gap_are_those_of_the_comparison(lapt
     assert [gap for _, gap in state[2]] == pytest.approx([0.0, abs(total)], abs=2e-3)
 
 
+def test_gaps_are_times_at_passings_and_agree_with_the_splits(laptop: Opened) -> None:
+    """At any instant they are those of the last passing that all have made."""
+    passings, states = laptop.run(
+        """() => [airrace.flights.map((flight) => flight.passings.map(({ time }) => time)),
+          Array.from({ length: 60 }, (_, i) => 0.15 * i).map((time) =>
+            [time, airrace.graphics.order(time).map(({ flight, gap }) => [flight.number, gap])])]"""
+    )
+    for time, order in states:
+        last = min(sum(passed <= time + 1e-4 for passed in passings[number]) for number, _ in order) - 1
+        first = min(times[last] for times in passings)
+        assert [gap for _, gap in order] == pytest.approx([passings[number][last] - first for number, _ in order])
+        assert order[0][1] == 0.0
+
+
+def test_sectors_have_the_colours_of_television(laptop: Opened) -> None:
+    """Of all sectors that compare, one is the best; a slower one is the flight's own best where an earlier one of its
+    own was slower still."""
+    kinds, first, own = laptop.run(
+        """() => {
+          const { graphics, flights } = airrace;
+          const lap = (times) => times.map((time, i) => ({ time, number: i, name: `g${i % 2}`, lap: 1 + (i >> 1) }));
+          const flown = (times) => ({ visible: true, passings: lap(times) });
+          const [fast, slow] = [flown([0, 10, 20, 31]), flown([0, 15, 25, 38])];
+          const sectors = Object.assign(Object.create(graphics), { flights: [fast, slow] });
+          const alone = Object.assign(Object.create(graphics), { flights: [slow] });
+          return [
+            flights.map((flight) => graphics.sectors(flight, Infinity)),
+            [sectors.sectors(fast, 40), sectors.sectors(slow, 40), sectors.sectors(slow, 24)],
+            alone.sectors(slow, 40),
+          ];
+        }"""
+    )
+    for pair in zip(*kinds, strict=True):
+        assert sorted(pair) in (["best", "slower"], ["best", "best"])
+    assert first == [["best", "best", "slower"], ["slower", "best", "own"], ["slower"]]
+    assert own == ["slower", "best", "best"]
+
+
+def test_what_cost_most_is_shown_again_with_both_aircraft_in_the_picture(laptop: Opened) -> None:
+    replay, most, seen = laptop.run(
+        """() => {
+          const { film, scene, flights, graphics } = airrace, view = scene.views.get("replay");
+          const { from, to, flight } = film.replay;
+          const [{ at }] = airrace.strips.differences;
+          const changes = Array.from({ length: 60 }, (_, i) => 0.1 * i)
+            .filter((time) => time + 2.5 <= flights[0].duration)
+            .map((time) => Math.abs(at(time + 2.5) - at(time)));
+          const inside = [];
+          for (let time = from; time <= to; time += 0.1) {
+            view.place(1280, 720, time);
+            view.camera.updateMatrixWorld(true);
+            for (const one of flights) {
+              const { x, y, z } = one.position(time).project(view.camera);
+              inside.push(z < 1 && Math.abs(x) < 1 && Math.abs(y) < 1);
+            }
+          }
+          return [[from, to, flight, graphics.replay.change], Math.max(...changes), inside];
+        }"""
+    )
+    begin, end, number, change = replay
+    assert end - begin == pytest.approx(2.5)
+    assert number == 1
+    assert abs(change) >= most - 1e-9
+    assert all(seen)
+
+
+def test_names_stand_beside_the_aircraft_and_never_on_one(laptop: Opened) -> None:
+    laptop.page.click("button[data-view=tv]")
+    for seconds in (0.5, 2.0, 4.0, 6.0):
+        laptop.set(seconds)
+        laptop.drawn()
+        tags, aircraft = laptop.run(
+            """() => {
+              const { scene } = airrace, { camera } = scene.view, { clientWidth: w, clientHeight: h } = scene.element;
+              const { left, top } = scene.element.getBoundingClientRect();
+              const tags = [...document.querySelectorAll(".label.tag:not(.hidden)")].map((tag) => {
+                const box = tag.getBoundingClientRect();
+                return [box.left - left, box.top - top, box.right - left, box.bottom - top];
+              });
+              const points = scene.actors.map(({ tag }) => tag.extent().map((point) => {
+                const { x, y } = point.project(camera);
+                return [0.5 * (x + 1) * w, 0.5 * (1 - y) * h];
+              }));
+              return [tags, points];
+            }"""
+        )
+        for left, top, right, bottom in tags:
+            for points in aircraft:
+                inside = [left < x < right and top < y < bottom for x, y in points]
+                assert not any(inside)
+                middle = np.mean(points, axis=0)
+                assert not (left < middle[0] < right and top < middle[1] < bottom)
+    laptop.page.click("button[data-view=orbit]")
+
+
+@pytest.mark.parametrize(("view", "ahead"), [("tv", 0.0), ("chase", 0.3), ("orbit", 1.0)])
+def test_television_shows_no_way_that_is_not_flown_yet(laptop: Opened, view: str, ahead: float) -> None:
+    laptop.page.click(f"button[data-view={view}]")
+    laptop.drawn()
+    assert laptop.run("() => airrace.scene.actors[0].way.children[1].material.uniforms.ahead.value") == ahead
+    laptop.page.click("button[data-view=orbit]")
+
+
 def test_the_ground_is_grass_inland_until_water_is_chosen(laptop: Opened) -> None:
     assert laptop.run("() => airrace.scene.ground.kind") == "grass"
     laptop.page.select_option("[data-ground]", "water")
@@ -158,7 +261,13 @@ def test_the_screen_is_filled_and_left_by_a_button(laptop: Opened) -> None:
                   innerHeight]"""
     )
     assert scene + transport == pytest.approx(high, abs=2)
-    laptop.page.click("[data-full]")
+    laptop.page.wait_for_function("() => document.querySelector('#transport').offsetHeight === 0")
+    hidden = "() => [...document.querySelectorAll('.hud')].every((one) => one.offsetHeight === 0)"
+    assert laptop.run(hidden)  # a clean feed, until the pointer moves
+    laptop.page.mouse.move(400, 300)
+    laptop.page.mouse.move(420, 310)
+    assert not laptop.run(hidden)
+    laptop.page.keyboard.press("f")
     laptop.page.wait_for_function("() => document.fullscreenElement === null")
 
 

@@ -32,6 +32,7 @@ const CLEAR = 13; // m, that a fixed camera keeps from every way, and half as mu
 const CLOSE = 24; // m, from the way to a gate's camera: what is liked best
 const APART = 0.1; // s between the places of the ways that cameras keep clear of
 const HEIGHTS = [8, 26]; // m, of the cameras at gates in turn: against the horizon, and against water or land
+const BESIDE_RIVAL = 0.25; // rad, of a camera beyond the first flight from a rival, so that one does not hide the other
 const OUT = 58; // m, from the aircraft to a camera in the air
 const LOWEST = 3; // m, of any camera above the ground
 const BULK = 0.6; // m, around the middle of the fuselage, that a pylon must not cover
@@ -46,6 +47,7 @@ const [SMALL, DISTANT] = [1.5, 0.085]; // for one in which it is smaller than th
 const TWICE = 0.5; // the same kind of shot again
 const TURN = ["aerial", "wide", "aerial", "chase", "beside"]; // kinds between gates that are liked in turn
 const LIKED_IN_TURN = 0.4;
+const ALONE = 12; // for a shot of a replay in which the other flight is out of the picture all along
 
 /**
  * What the rules ask of a picture.
@@ -64,7 +66,7 @@ function framingOf(camera, flight, time, edge = 1) {
   let inside = true;
   for (const point of extremitiesOf(flight.aircraft.span)) {
     const seen = point.applyQuaternion(attitude).add(middle).project(camera);
-    inside &&= seen.z < 1 && Math.abs(seen.x) < edge && Math.abs(seen.y) < edge;
+    inside &&= isSeen(seen, edge);
     box.expandByPoint(seen);
   }
   const size = Math.max((box.max.y - box.min.y) / 2, ((box.max.x - box.min.x) / 2) * camera.aspect);
@@ -75,10 +77,15 @@ function framingOf(camera, flight, time, edge = 1) {
   return {
     size,
     inside,
-    gate: gate.z < 1 && Math.abs(gate.x) < edge && Math.abs(gate.y) < edge,
+    gate: isSeen(gate, edge),
     horizon: Math.min(...levels) < 0 && Math.max(...levels) > 0,
     across: courseOf(flight, time).dot(right),
   };
+}
+
+/** Whether a place, as a camera projects it, lies within the share of the picture that counts. */
+function isSeen({ x, y, z }, edge) {
+  return z < 1 && Math.abs(x) < edge && Math.abs(y) < edge;
 }
 
 /** Which rules a picture breaks, by name. */
@@ -98,9 +105,12 @@ function jumps(before, after) {
 
 /** Chooses the shots for pictures of one shape: `{from, kind, place(camera, time)}` in their order. */
 export class Director {
-  /** `elements` are those of the course, and `shore` tells the side of the land: there the wide camera stands. */
-  constructor(flights, elements, shore, sun, chase) {
-    Object.assign(this, { flights, sun, chase, plans: new Map() });
+  /**
+   * `elements` are those of the course, and `shore` tells the side of the land: there the wide camera stands; `stretch` is what
+   * is shown again, see `costliestOf`.
+   */
+  constructor(flights, elements, shore, sun, chase, stretch = null) {
+    Object.assign(this, { flights, sun, chase, stretch, plans: new Map(), replays: new Map() });
     this.posts = elements.flatMap(({ posts, top }) => posts.map(([north, east]) => placed(north, east, top)));
     const [lead] = flights;
     const places = (flight) => Array.from({ length: Math.ceil(flight.duration / APART) + 1 }, (_, i) => flight.position(i * APART));
@@ -122,14 +132,30 @@ export class Director {
     return this.shots(aspect).findLast(({ from }) => from <= time + 1e-9);
   }
 
+  /** The shot of what is shown again in pictures of a shape: the best by itself that keeps the other flight in sight, too. */
+  replay(aspect) {
+    const key = aspect.toFixed(2);
+    if (!this.replays.has(key)) {
+      const { from, to, flight } = this.stretch;
+      const passings = this.flights[0].passings.map(({ time }) => time).filter((time) => time >= from && time < to);
+      const shots = this.priced(new PerspectiveCamera(40, aspect, 1, 60000), { from, to, passings, rival: this.flights[flight] }, 0);
+      this.replays.set(key, shots.reduce((best, shot) => (shot.price < best.price ? shot : best)));
+    }
+    return this.replays.get(key);
+  }
+
+  /** The candidates of a piece with their prices. */
+  priced(camera, piece, number) {
+    return this.candidates(piece, number).map((shot) => ({ ...shot, ...this.priceOf(camera, shot, piece) }));
+  }
+
   /** Choose a shot for every piece so that all of their prices, and those of the cuts between them, are least in sum. */
   plan(aspect) {
     const camera = new PerspectiveCamera(40, aspect, 1, 60000);
     const pieces = this.pieces();
     let ways = [];
     pieces.forEach((piece, number) => {
-      const candidates = this.candidates(piece, number).map((shot) => ({ ...shot, ...this.priceOf(camera, shot, piece) }));
-      ways = candidates.map((shot) => {
+      ways = this.priced(camera, piece, number).map((shot) => {
         if (!ways.length) return { price: shot.price, shots: [shot] };
         const reached = ways.map(({ price, shots }) => price + shot.price + cutPrice(shots.at(-1), shot));
         const best = reached.indexOf(Math.min(...reached));
@@ -165,24 +191,34 @@ export class Director {
     });
   }
 
-  /** Shots that a piece may have: `{kind, taste, place(camera, time)}`. */
+  /** Shots that a piece may have, which may have a `rival` to be kept in sight: `{kind, taste, place(camera, time)}`. */
   candidates(piece, number) {
     const atGate = piece.passings.length > 0;
     const moment = atGate ? piece.passings[0] : 0.5 * (piece.from + piece.to);
+    const { rival } = piece;
     const shots = [];
     const add = (kind, taste, place) => shots.push({ kind, taste, place });
     const liked = (kind) => (atGate ? 1 : kind === TURN[number % TURN.length] ? 0 : LIKED_IN_TURN);
     for (const { eye, price } of this.beside(moment, number)) {
       const kind = atGate ? "gate" : "beside";
-      add(kind, (atGate ? 0 : liked(kind)) + price, (camera, time) => this.aim(camera, eye, time, LIKED[kind]));
+      add(kind, (atGate ? 0 : liked(kind)) + price, (camera, time) => this.aim(camera, eye, time, LIKED[kind], rival));
     }
     for (let turn = 0; turn < 8; turn += 1)
       for (const up of [6, 14]) {
         const offset = new Vector3(Math.sin((turn * Math.PI) / 4) * OUT, up, Math.cos((turn * Math.PI) / 4) * OUT);
         const glare = offset.clone().normalize().dot(this.sun);
-        add("aerial", liked("aerial") - 0.3 * glare, (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial));
+        add("aerial", liked("aerial") - 0.3 * glare, (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial, rival));
       }
-    add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide));
+    // In line with a rival both are seen also in an upright picture, one beyond the other.
+    for (const turn of rival ? [-BESIDE_RIVAL, BESIDE_RIVAL] : [])
+      for (const up of [6, 14]) {
+        const place = (camera, time) => {
+          const off = this.centre(time).sub(this.centre(time, rival)).setY(0).normalize().applyAxisAngle(UP, turn).multiplyScalar(OUT);
+          this.aim(camera, this.centre(time).add(off.setY(up)), time, LIKED.aerial, rival);
+        };
+        add("aerial", liked("aerial"), place);
+      }
+    add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide, rival));
     add("chase", liked("chase"), (camera, time) => this.chase.follow(camera, time));
     return shots;
   }
@@ -215,7 +251,7 @@ export class Director {
   priceOf(camera, shot, piece) {
     const [lead] = this.flights;
     const count = Math.max(Math.ceil((piece.to - piece.from) / INSTANT), 2);
-    let [broken, hidden, distant] = [0, 0, 0];
+    let [broken, hidden, distant, alone] = [0, 0, 0, 0];
     const across = [];
     for (let i = 0; i <= count; i += 1) {
       const time = piece.from + ((piece.to - piece.from) * i) / count;
@@ -224,10 +260,11 @@ export class Director {
       if (brokenRules(framing, STRICT).length) broken += 1;
       if (this.hidden(camera.position, lead.position(time))) hidden += 1;
       if (framing.size < DISTANT) distant += 1;
+      if (piece.rival && !isSeen(piece.rival.position(time).project(camera), STRICT.edge)) alone += 1;
       across.push(framing.across);
     }
     broken += this.hiddenPassings(camera, shot, piece);
-    const dull = (HIDDEN * hidden + SMALL * distant) / (count + 1);
+    const dull = (HIDDEN * hidden + SMALL * distant + ALONE * alone) / (count + 1);
     const price = shot.taste + dull + (broken ? BROKEN * (1 + broken) : 0);
     return { price, begins: across[0], ends: across.at(-1) };
   }
@@ -261,15 +298,14 @@ export class Director {
     });
   }
 
-  /** A place that goes with the first flight on a way smoother than its own. */
-  centre(time) {
-    const [lead] = this.flights;
-    const middle = [-1.2, -0.6, 0, 0.6, 1.2].map((shift) => lead.position(time + shift));
-    return middle.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(middle.length).lerp(lead.position(time), 0.5);
+  /** A place that goes with a flight, the first one by default, on a way smoother than its own. */
+  centre(time, flight = this.flights[0]) {
+    const middle = [-1.2, -0.6, 0, 0.6, 1.2].map((shift) => flight.position(time + shift));
+    return middle.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(middle.length).lerp(flight.position(time), 0.5);
   }
 
-  /** Look from an eye so that the aircraft has its size, others near to it are seen, and so is the horizon, as far as can be. */
-  aim(camera, eye, time, liked) {
+  /** Look from an eye so that the aircraft has its size, a rival or others near to it are seen, and so is the horizon, as far as can be. */
+  aim(camera, eye, time, liked, rival = null) {
     const [lead, ...others] = this.flights;
     const from = eye.clone().setY(Math.max(eye.y, LOWEST));
     const sight = lead.position(time).sub(from);
@@ -277,9 +313,9 @@ export class Director {
     const fieldOf = (size) => Math.atan(lead.aircraft.span / (2 * distance * size));
     const company = sight.clone();
     let members = 1;
-    for (const flight of others) {
+    for (const flight of rival ? [rival] : others) {
       const off = flight.position(time).sub(from);
-      if (!flight.visible || off.distanceTo(sight) > COMPANY) continue;
+      if (!flight.visible || (!rival && off.distanceTo(sight) > COMPANY)) continue;
       company.add(off);
       members += 1;
     }
@@ -307,7 +343,7 @@ function cutPrice(before, after) {
 /** What the director shows. */
 export class Television {
   constructor(director) {
-    Object.assign(this, { name: "tv", director, follows: true });
+    Object.assign(this, { name: "tv", director, follows: true, onAir: true });
     this.camera = new PerspectiveCamera(40, 1, 1, 60000);
   }
 
@@ -318,7 +354,11 @@ export class Television {
 
   place(width, height, time) {
     this.camera.aspect = width / height;
-    this.director.shot(time, width / height).place(this.camera, time);
+    this.shot(time, width / height).place(this.camera, time);
+  }
+
+  shot(time, aspect) {
+    return this.director.shot(time, aspect);
   }
 
   /** How a picture of the race keeps the rules: see `framingOf`; with those that it breaks, and whether a pylon hides the aircraft. */
@@ -328,6 +368,18 @@ export class Television {
     const framing = framingOf(this.camera, lead, time);
     const hidden = this.director.hidden(this.camera.position, lead.position(time));
     return { ...framing, broken: brokenRules(framing), hidden, eye: this.camera.position.toArray() };
+  }
+}
+
+/** The same of what is shown again. */
+export class Replay extends Television {
+  constructor(director) {
+    super(director);
+    this.name = "replay";
+  }
+
+  shot(_, aspect) {
+    return this.director.replay(aspect);
   }
 }
 

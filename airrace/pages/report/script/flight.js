@@ -34,6 +34,12 @@ export class Flight {
     this.stamp = flight.stamp;
     this.raceTime = flight.race_time; // null where it did not finish
     this.aircraft = flight.aircraft;
+    this.named = flight.named;
+    this.nation = flight.nation;
+    this.raceNumber = flight.number;
+    this.colour = flight.colour || tagColour(number); // in scene and graphics
+    this.mark = flight.colour || PAINT.mark; // on the aircraft itself
+    this.penalties = flight.penalties;
     this.passings = flight.passings;
     this.time = numbersOf(flight.time);
     this.histories = new Map(Object.entries(flight.histories).map(([name, text]) => [name, numbersOf(text)]));
@@ -96,6 +102,11 @@ export class Flight {
     return target.set(x, y, z, w).premultiply(FROM_NORTH_EAST_DOWN);
   }
 
+  /** The passing of this number of the course, or undefined. */
+  passing(number) {
+    return this.passings.find((passing) => passing.number === number);
+  }
+
   /** The number of the passing that was made last. */
   leg(time) {
     let number = 0;
@@ -147,16 +158,17 @@ const FIN = [
 ];
 
 /**
- * An aerobatic monoplane of few faces, to scale by its wing span, in body axes: x to the nose, y to the right wing, z down.
+ * An aerobatic monoplane of few faces, to scale by its wing span, in body axes: x to the nose, y to the right wing, z down; its
+ * tips are of the colour `mark`.
  *
  * The aircraft as a group; `eye` is the pilot's, in body axes, and `inside(is)` hides what would be in its way. A ghost is
  * translucent, and of one colour, which `paint(colour)` gives it.
  */
-export function aircraftOf(span, ghost) {
+export function aircraftOf(span, ghost, mark = PAINT.mark) {
   const group = new Group();
   const scale = span / SPAN;
   const pale = new MeshLambertMaterial({ side: DoubleSide, transparent: true, opacity: 0.62 });
-  const look = (name) => (ghost ? pale : new MeshLambertMaterial({ color: PAINT[name], side: DoubleSide }));
+  const look = (name) => (ghost ? pale : new MeshLambertMaterial({ color: name === "mark" ? mark : PAINT[name], side: DoubleSide }));
   const body = new Mesh(loft(FUSELAGE.map(ring)), look("body"));
   const canopy = new Mesh(new SphereGeometry(1, 14, 10), look("glass"));
   canopy.scale.set(0.95, 0.3, 0.42);
@@ -263,8 +275,10 @@ function loft(sections) {
 const NARROW = 0.36; // of the span: enough to show the bank, and little of what lies behind
 const AROUND = { ahead: 1, near: 0 }; // of views in which all of the way is looked at
 const ALONG = { ahead: 0.3, near: 45 }; // of those that follow the aircraft: dim ahead, and clear before the eye
+const BEHIND = { ahead: 0, near: 45 }; // of television: what has been flown, and no more
 const FINE = 0.03; // s between samples that are drawn
-const TRAIL = 2.2; // s, over which the way behind the aircraft fades to what it is ahead
+const TRAIL = 2.2; // s, over which the way behind the aircraft fades
+const FAINT = 0.3; // of its opacity, that is left of it far behind
 
 /** The way of a flight as a group with `show(time, view, width, height)`, `colour(scale)` and `restyle()`. */
 export function ribbonOf(flight) {
@@ -281,14 +295,15 @@ export function ribbonOf(flight) {
   group.add(shadow, wings, middle);
   group.show = (time, view, width, height) => {
     for (const one of [middle, shadow]) one.fit(width, height);
-    const look = view.follows ? ALONG : AROUND;
+    const look = view.onAir ? BEHIND : view.follows ? ALONG : AROUND;
     Object.assign(sight.now, { value: time });
+    for (const one of [middle, shadow, wings]) one.until(look.ahead > 0 ? Infinity : time);
     sight.ahead.value = look.ahead * (lead || !view.follows ? 1 : 0.5);
     sight.near.value = look.near;
   };
   group.restyle = () => {
     shadow.paintAll(themed("shadow"));
-    if (!lead) for (const one of [middle, wings]) one.paintAll(tagColour(flight.number));
+    if (!lead) for (const one of [middle, wings]) one.paintAll(flight.colour);
   };
   group.colour = (scale) => {
     if (!lead) return;
@@ -375,7 +390,7 @@ uniform float opacity, now, ahead, near;
 varying vec3 shade;
 varying float when, away;
 void main() {
-  float share = when > now ? ahead : mix(ahead, 1.0, exp((when - now) / ${TRAIL.toFixed(1)}));
+  float share = when > now ? ahead : mix(max(ahead, ${FAINT.toFixed(1)}), 1.0, exp((when - now) / ${TRAIL.toFixed(1)}));
   gl_FragColor = vec4(shade, opacity * share * smoothstep(0.35 * near, near + 0.01, away));
   #include <colorspace_fragment>
 }`;
@@ -402,7 +417,7 @@ function line(points, { width, ...look }) {
  * @param sight uniforms: what the time is `now`, how much of the opacity is left `ahead` of it, and within how many
  *   metres, `near`, nothing is drawn.
  * @param width of a line in pixels; 0 for a surface.
- * @returns a mesh with `paint(colour)`, where `colour(i)` is the Color of point i, and `paintAll(colour)`.
+ * @returns a mesh with `until(time)`, `fit(width, height)` and `paint(colour)`, where `colour(i)` is the Color of point i, and `paintAll(colour)`.
  */
 function band(left, right, { times, sight, width = 0, opacity = 0.3 }) {
   const count = left.length;
@@ -427,6 +442,9 @@ function band(left, right, { times, sight, width = 0, opacity = 0.3 }) {
   const material = new ShaderMaterial({ ...shaders, uniforms, side: DoubleSide, transparent: true, depthWrite: false });
   const mesh = new Mesh(geometry, material);
   mesh.frustumCulled = false;
+  const last = times.length - 1;
+  /** Draw it up to an instant alone; what lies ahead of it costs nothing then. */
+  mesh.until = (time) => geometry.setDrawRange(0, 6 * (time < times[last] ? indexBefore(times, time) + 1 : last));
   mesh.fit = (across, down) => uniforms.size.value.set(across, down);
   mesh.paint = (colour) => paintPairs(geometry.getAttribute("tint"), colour);
   mesh.paintAll = (colour) => {

@@ -3,7 +3,7 @@
 
 import { Vector3 } from "three";
 import { sized, writeLabels } from "./scene.js";
-import { signed, tagColour, written } from "./values.js";
+import { signed, written } from "./values.js";
 
 const SHOWN = 2.6; // s, that a split stays
 const FADE = 0.25; // s, in which it appears and goes
@@ -13,11 +13,25 @@ const LIGHT = "#8dffb4"; // of the head-up display
 const FULL = 1280 * 720; // pixels of a picture in which sizes are those below
 const LADDER = [-60, -45, -30, -20, -10, 10, 20, 30, 45, 60]; // degrees
 const LONGEST = 18; // letters of a flight's name
+const SECTOR = { best: "#c77dff", own: FASTER, slower: "#ffd166" }; // of all, of the flight itself, and the others
+const PRESENTED = { from: 0.3, to: 4.8 }; // s, in which it is told who flies
+const DISQUALIFIED = "DSQ"; // the abbreviation of result lists in all languages
+const CALLED = 4; // s, that a penalty stays
 
 export class Graphics {
-  /** `differences` tell how far the others are behind, see `differencesOf`; `title` is the name of the course. */
-  constructor(flights, differences, title, units) {
-    Object.assign(this, { flights, title, lead: flights[0], differences, units });
+  /** `title` is the name of the course, `broadcast` has the texts, and `replay` is what is shown again, see `costliestOf`. */
+  constructor(flights, title, units, broadcast, replay) {
+    Object.assign(this, { flights, title, lead: flights[0], units, broadcast, replay });
+  }
+
+  /** A text in the language of the broadcast, with values in their places. */
+  say(key, ...values) {
+    return values.reduce((text, value) => text.replace("{}", value), this.broadcast.texts[key]);
+  }
+
+  /** A number as that language writes it. */
+  number(value, digits, form = written) {
+    return form(value, digits).replace(".", this.broadcast.decimal);
   }
 
   /**
@@ -41,55 +55,166 @@ export class Graphics {
     const above = gauged && width < 1.2 * height ? 84 * this.unit : 0;
     this.split(0.5 * width, height - bottom - edge - above, time);
     if (gauged) this.gauges(width - edge, height - edge, time);
+    if (!whole) return;
+    if (view.name === "replay") this.repeated(width - edge, edge);
+    else this.presentation(edge, height - edge - (above && above + 58 * this.unit), time);
   }
 
-  /** Flights in their order now, with how far each is behind the one that is ahead: `[{flight, gap}]`. */
+  /**
+   * Flights in their order at the last passing that all have made which are still in the race: `[{flight, gap}]`, how much later
+   * than the first one each made it, s; NaN, and last, for those that have not.
+   */
   order(time) {
-    const [lead, ...others] = this.flights;
-    const gaps = others.map((flight, i) => ({ flight, gap: this.differences[i]?.at(Math.min(time, lead.duration)) ?? NaN }));
-    const all = [{ flight: lead, gap: 0 }, ...gaps].filter(({ flight }) => flight.visible);
-    all.sort((a, b) => (Number.isFinite(a.gap) ? a.gap : 1e9) - (Number.isFinite(b.gap) ? b.gap : 1e9));
-    const first = all.length ? all[0].gap : 0;
-    return all.map(({ flight, gap }) => ({ flight, gap: gap - first }));
+    const visible = this.flights.filter((flight) => flight.visible && flight.passings.length);
+    const racing = visible.filter((flight) => time <= flight.duration || flight.raceTime !== null);
+    const last = Math.min(...(racing.length ? racing : visible).map((flight) => flight.passings[flight.leg(time)].number));
+    const times = new Map(visible.map((flight) => [flight, flight.passing(last)?.time ?? Infinity]));
+    const first = Math.min(...times.values());
+    const sorted = [...visible].sort((a, b) => (times.get(a) === times.get(b) ? 0 : times.get(a) - times.get(b)));
+    return sorted.map((flight) => ({ flight, gap: times.get(flight) < Infinity ? times.get(flight) - first : NaN }));
   }
 
-  /** What is written at the upper left: clock, lap and gate, and the flights in their order. */
+  /** The sectors of a flight so far, from passing to passing, in the colours of television; none where nothing compares. */
+  sectors(flight, time) {
+    const sectorsOf = (one) =>
+      one.passings.slice(1).flatMap(({ name, number, time: end }, i) => {
+        const before = one.passings[i];
+        const ends = number === before.number + 1 && end <= time + 1e-4;
+        return ends ? [{ stretch: `${before.name} ${name}`, took: end - before.time, flight: one, end }] : [];
+      });
+    const all = this.flights.filter(({ visible }) => visible).flatMap(sectorsOf);
+    const least = (sectors) => Math.min(...sectors.map(({ took }) => took));
+    return sectorsOf(flight).map(({ stretch, took, end }) => {
+      const same = all.filter((sector) => sector.stretch === stretch);
+      const own = same.filter((sector) => sector.flight === flight && sector.end < end);
+      if (took <= least(same)) return "best";
+      return own.length && took <= least(own) ? "own" : "slower";
+    });
+  }
+
+  /** The laps of the race. */
+  get laps() {
+    return Math.max(1, ...this.lead.passings.map(({ lap }) => lap ?? 1));
+  }
+
+  /** What is written at the upper left: clock, lap and gate, the flights in their order, and whether the first one is done. */
   state(time) {
     const { passings, duration } = this.lead;
     const leg = this.lead.leg(time);
     const last = passings.length - 1;
-    const laps = Math.max(1, ...passings.map(({ lap }) => lap ?? 1));
+    const { laps } = this;
     const done = time >= duration - 1e-6;
-    const gate = done ? "finish" : `gate ${Math.min(leg + 1, last)} of ${last}`;
+    const gate = done ? this.say("finish") : this.say("gate", Math.min(leg + 1, last), last);
     return {
-      clock: written(Math.min(time, duration), 2),
-      place: laps > 1 ? `lap ${passings[Math.min(leg + 1, last)].lap} of ${laps}, ${gate}` : gate,
-      order: this.order(time),
+      clock: this.number(Math.min(time, duration), 2),
+      place: laps > 1 ? `${this.say("lap", passings[Math.min(leg + 1, last)].lap, laps)}, ${gate}` : gate,
+      order: this.order(done ? Infinity : time),
+      done,
     };
   }
 
   tower(left, top, time, whole) {
     const u = this.unit;
-    const { clock, place, order } = this.state(time);
-    const [wide, row] = [252 * u, 27 * u];
+    const { clock, place, order, done } = this.state(time);
+    const now = done ? Infinity : time; // the result, though others finish later
+    const compares = order.length > 1 || this.laps > 1;
+    const [wide, row] = [252 * u, 34 * u];
     const heading = whole && this.title;
-    const high = (heading ? 30 * u : 0) + 62 * u + (order.length > 1 ? row * order.length + 8 * u : 0);
+    const high = (heading ? 30 * u : 0) + 62 * u + (compares ? row * order.length + 6 * u : 0);
     this.panel(left, top, wide, high);
     let y = top + (heading ? 30 * u : 0);
     if (heading) this.write(this.title, left + 14 * u, top + 24 * u, 15, { weight: 600, colour: PALE, within: wide - 28 * u });
     this.write(clock, left + 14 * u, y + 43 * u, 38, { weight: 700 });
     this.write(place, left + wide - 14 * u, y + 41 * u, 14, { align: "right", colour: PALE, within: 120 * u });
     y += 62 * u;
-    if (order.length < 2) return;
-    order.forEach(({ flight, gap }, i) => {
-      this.context.fillStyle = tagColour(flight.number);
-      this.context.fillRect(left + 14 * u, y + 6 * u, 6 * u, 15 * u);
-      const name = flight.label.length > LONGEST ? `${flight.label.slice(0, LONGEST)}…` : flight.label;
-      this.write(name, left + 28 * u, y + 19.5 * u, 16, { weight: flight === this.lead ? 650 : 500, within: 140 * u });
-      const text = i === 0 ? "ahead" : Number.isFinite(gap) ? signed(gap, 2) : "";
-      this.write(text, left + wide - 14 * u, y + 19.5 * u, 16, { align: "right", weight: 600, colour: i === 0 ? PALE : WHITE });
+    const begun = time > (order[0]?.flight.passing(1)?.time ?? Infinity);
+    for (const [i, { flight, gap }] of compares ? order.entries() : []) {
+      const added = this.added(flight, now);
+      const first = done ? this.number(flight.raceTime, 3) : this.say("ahead");
+      const text = !begun || order.length < 2 ? "" : i === 0 ? first : Number.isFinite(gap) ? this.number(gap, 3, signed) : "";
+      this.context.fillStyle = flight.colour;
+      this.context.fillRect(left + 14 * u, y + 4 * u, 6 * u, 22 * u);
+      this.write(shortened(flight.label), left + 28 * u, y + 17.5 * u, 16, { weight: flight === this.lead ? 650 : 500, within: (added ? 86 : 132) * u });
+      if (added) this.write(added, left + wide - 86 * u, y + 17.5 * u, 14, { align: "right", weight: 650, colour: SLOWER, within: 50 * u });
+      this.write(text, left + wide - 14 * u, y + 17.5 * u, 16, { align: "right", weight: 600, colour: i === 0 ? PALE : WHITE, within: 64 * u });
+      this.bars(flight, now, left + 28 * u, y + 23 * u, wide - 42 * u);
       y += row;
+    }
+    if (whole) this.calls(left, top + high + 8 * u, time);
+  }
+
+  /** What has been added to the time of a flight so far, in words. */
+  added(flight, time) {
+    const called = flight.penalties.filter((penalty) => penalty.time <= time);
+    if (called.some(({ seconds }) => seconds === null)) return DISQUALIFIED;
+    const sum = called.reduce((total, { seconds }) => total + seconds, 0);
+    return sum > 0 ? `+${this.number(sum, Number.isInteger(sum) ? 0 : 1)} s` : "";
+  }
+
+  /** A bar for every sector. */
+  bars(flight, time, left, top, wide) {
+    const { context, unit: u } = this;
+    const step = wide / Math.max(this.lead.passings.length - 1, 1);
+    const colours = this.sectors(flight, time).map((kind) => SECTOR[kind]);
+    for (let i = 0; i < this.lead.passings.length - 1; i += 1) {
+      context.fillStyle = colours[i] ?? "rgba(255, 255, 255, 0.16)";
+      context.fillRect(left + i * step, top, Math.max(step - 1.5 * u, 1), 4 * u);
+    }
+  }
+
+  /** Penalties as they happen, one below the other. */
+  calls(left, top, time) {
+    const u = this.unit;
+    const called = this.flights.filter(({ visible }) => visible).flatMap((flight) =>
+      flight.penalties.filter((penalty) => penalty.time <= time && time < penalty.time + CALLED).map((penalty) => ({ flight, ...penalty })),
+    );
+    called.forEach(({ flight, rule, gate, seconds }, i) => {
+      const y = top + 52 * i * u;
+      const price = seconds > 0 ? ` +${this.number(seconds, Number.isInteger(seconds) ? 0 : 1)} s` : "";
+      this.panel(left, y, 252 * u, 46 * u);
+      this.context.fillStyle = SLOWER;
+      this.context.fillRect(left + 14 * u, y + 8 * u, 6 * u, 30 * u);
+      this.write(seconds === null ? this.say("race over") : `${this.say("penalty")}${price}`, left + 28 * u, y + 20 * u, 16, { weight: 700, colour: SLOWER, within: 210 * u });
+      const words = [this.flights.length > 1 ? shortened(flight.label) : "", this.say(rule), gate].filter(Boolean).join(", ");
+      this.write(words, left + 28 * u, y + 38 * u, 14, { within: 210 * u });
     });
+  }
+
+  /** Who flies, at the beginning of a race. */
+  presentation(left, bottom, time) {
+    if (time < PRESENTED.from || time > PRESENTED.to) return;
+    const u = this.unit;
+    const shown = this.flights.filter(({ visible }) => visible);
+    const [wide, row] = [330 * u, 48 * u];
+    const top = bottom - row * shown.length - 8 * u;
+    this.context.globalAlpha = Math.min(1, (time - PRESENTED.from) / FADE, (PRESENTED.to - time) / FADE);
+    this.panel(left, top, wide, bottom - top);
+    shown.forEach((flight, i) => {
+      const y = top + 4 * u + i * row;
+      this.context.fillStyle = flight.colour;
+      this.context.fillRect(left + 14 * u, y + 6 * u, 6 * u, 36 * u);
+      this.write(flight.raceNumber, left + 62 * u, y + 34 * u, 26, { weight: 750, align: "right", within: 38 * u });
+      const x = left + (flight.raceNumber ? 74 : 32) * u;
+      this.write(shortened(flight.label), x, y + 23 * u, 20, { weight: 700, within: left + wide - x - 60 * u });
+      this.write(flight.aircraft.name, x, y + 41 * u, 14, { colour: PALE, within: left + wide - x - 14 * u });
+      this.write(flight.nation, left + wide - 14 * u, y + 23 * u, 18, { weight: 700, align: "right" });
+    });
+    this.context.globalAlpha = 1;
+  }
+
+  /** That something is shown again, and who loses how much in it. */
+  repeated(right, top) {
+    const u = this.unit;
+    const { flight, change } = this.replay;
+    const loser = change > 0 ? this.flights[flight] : this.lead;
+    const wide = 300 * u;
+    this.panel(right - wide, top, wide, 66 * u);
+    this.write(this.say("replay"), right - 14 * u, top + 28 * u, 22, { weight: 750, align: "right", colour: SECTOR.slower, within: wide - 28 * u });
+    this.context.fillStyle = loser.colour;
+    this.context.fillRect(right - wide + 14 * u, top + 38 * u, 6 * u, 18 * u);
+    this.write(shortened(loser.label), right - wide + 28 * u, top + 54 * u, 17, { weight: 600, within: 160 * u });
+    const lost = `${this.number(Math.abs(change), 3, signed)} s`;
+    this.write(lost, right - 14 * u, top + 54 * u, 19, { weight: 700, align: "right", colour: SLOWER });
   }
 
   /** After a passing its time, and how far the others were behind it or before it there. */
@@ -101,19 +226,18 @@ export class Graphics {
     const final = number === passings.length - 1;
     if (number < 1 || since < 0 || (since > SHOWN && !final)) return;
     const u = this.unit;
-    const rivals = this.order(passing.time + 1e-3).filter(({ flight }) => flight !== this.lead);
-    const own = this.order(passing.time + 1e-3).find(({ flight }) => flight === this.lead);
-    const best = rivals.length ? Math.min(...rivals.map(({ gap }) => gap)) : NaN;
-    const ahead = (own?.gap ?? 0) - best;
+    const rivals = this.flights.filter((flight) => flight.visible && flight !== this.lead);
+    const times = rivals.map((flight) => flight.passing(passing.number)?.time).filter((then) => then !== undefined);
+    const ahead = times.length ? passing.time - Math.min(...times) : NaN;
     this.context.globalAlpha = final ? 1 : Math.min(1, since / FADE, (SHOWN - since) / FADE);
     const [wide, high] = [(Number.isFinite(ahead) ? 292 : 200) * u, 50 * u];
     const [left, top] = [middle - 0.5 * wide, bottom - high];
     this.panel(left, top, wide, high);
-    this.write(final ? "finish" : passing.name, left + 16 * u, top + 32 * u, 17, { colour: PALE, within: 78 * u });
-    this.write(written(passing.time, 3), left + 182 * u, top + 34 * u, 25, { weight: 700, align: "right" });
+    this.write(final ? this.say("finish") : passing.name, left + 16 * u, top + 32 * u, 17, { colour: PALE, within: 78 * u });
+    this.write(this.number(passing.time, 3), left + 182 * u, top + 34 * u, 25, { weight: 700, align: "right" });
     if (Number.isFinite(ahead)) {
       const colour = ahead <= 0 ? FASTER : SLOWER;
-      this.write(signed(ahead, 3), left + wide - 16 * u, top + 33 * u, 21, { weight: 700, align: "right", colour });
+      this.write(this.number(ahead, 3, signed), left + wide - 16 * u, top + 33 * u, 21, { weight: 700, align: "right", colour });
     }
     this.context.globalAlpha = 1;
   }
@@ -131,7 +255,7 @@ export class Graphics {
     ];
     values.forEach(([name, unit, digits], i) => {
       const x = left + (i + 1) * 104 * u - 18 * u;
-      this.write(written(this.lead.value(name, time), digits), x, top + 44 * u, 32, { weight: 700, align: "right" });
+      this.write(this.number(this.lead.value(name, time), digits), x, top + 44 * u, 32, { weight: 700, align: "right" });
       this.write(unit, x + 6 * u, top + 44 * u, 15, { colour: PALE });
     });
     const load = this.lead.value("n_z", time);
@@ -174,9 +298,9 @@ export class Graphics {
     if (path) this.pathMarker(...path);
     this.nextGate(width, height, time, camera);
     const side = Math.min(0.3 * width, 0.48 * height);
-    this.number(x - side, y, written(this.lead.value("V_I", time), 0), this.units.speed, "right");
-    this.number(x + side, y, written(this.lead.value("height", time), 0), this.units.length, "left");
-    this.number(x - side, y + 40 * u, written(this.lead.value("n_z", time), 1), "g", "right");
+    this.reading(x - side, y, this.number(this.lead.value("V_I", time), 0), this.units.speed, "right");
+    this.reading(x + side, y, this.number(this.lead.value("height", time), 0), this.units.length, "left");
+    this.reading(x - side, y + 40 * u, this.number(this.lead.value("n_z", time), 1), "g", "right");
   }
 
   pathMarker(x, y) {
@@ -205,11 +329,11 @@ export class Graphics {
     const r = Math.min(Math.max(2600 / Math.max(away, 1), 11), 40) * u;
     const corner = (a, b) => [[x + a * r, y + 0.45 * b * r], [x + a * r, y + b * r], [x + 0.45 * a * r, y + b * r]];
     this.stroke([corner(-1, -1), corner(1, -1), corner(-1, 1), corner(1, 1)], "#ffd166", 2.4);
-    const text = `${next.name}  ${written(away, 0)} m  ${written(next.time - time, 1)} s`;
+    const text = `${next.name}  ${this.number(away, 0)} m  ${this.number(next.time - time, 1)} s`;
     this.write(text, x, y + r + 20 * u, 15, { align: "center", colour: "#ffd166", weight: 650, outline: true });
   }
 
-  number(x, y, value, unit, align) {
+  reading(x, y, value, unit, align) {
     const u = this.unit;
     const sense = align === "right" ? -1 : 1;
     this.panel(align === "right" ? x - 92 * u : x, y - 18 * u, 92 * u, 36 * u);
@@ -238,7 +362,7 @@ export class Graphics {
 
   /** What the flight is, in small letters at the foot of a picture. */
   stamp(width, height) {
-    const text = document.querySelector(".mast .stamp").textContent;
+    const text = this.lead.stamp;
     const within = width - 20 * this.unit;
     this.write(text, width / 2, height - 7 * this.unit, 14, { align: "center", colour: PALE, within, outline: true });
   }
@@ -257,6 +381,12 @@ export class Graphics {
   }
 }
 
+/** What people call a flight, without what tells them that it lies in a file. */
+function shortened(label) {
+  const name = label.replace(/\.h5(?=:|$)/, "");
+  return name.length > LONGEST ? `${name.slice(0, LONGEST)}…` : name;
+}
+
 const NAMES = 15; // pixels high, in a picture of FULL
 const THICK = 2.2; // of the line on a card, against that of the page
 const VERDICTS = { good: "#57e389", bad: "#ff7b6b", caution: "#ffc24d", unsure: "#c7d4df" }; // colours, by the badge of the page
@@ -270,15 +400,25 @@ export class Film {
     Object.assign(this, { scene, graphics, clock, sheet: document.createElement("canvas") });
   }
 
-  /** The picture of an instant (s) as base64 of a JPEG, so many pixels wide and high. */
-  frame(time, name, width, height) {
-    const view = this.scene.views.get(name);
-    const context = this.drawn(time, view, width, height, [0, 0], 1);
+  /** What is shown again behind the finish: `{from, to}`, s; or null. */
+  get replay() {
+    return this.graphics.replay;
+  }
+
+  /**
+   * The picture of an instant (s) as base64, so many pixels wide and high.
+   *
+   * @param type `jpeg` or `png`.
+   * @param alone whether graphics are drawn alone, on nothing; else over the scene in the view of a name.
+   */
+  frame(time, name, width, height, type = "jpeg", alone = false) {
+    const view = alone ? { name, follows: true } : this.scene.views.get(name);
+    const context = alone ? sized(this.sheet, width, height, 1) : this.drawn(time, view, width, height, [0, 0], 1);
     const size = NAMES * Math.sqrt((width * height) / FULL);
-    writeLabels(context, this.scene.labels, view.camera, width, height, size);
+    if (!alone) writeLabels(context, this.scene.labels, view.camera, width, height, size);
     this.graphics.draw(context, width, height, time, view, { whole: true });
     this.graphics.stamp(width, height);
-    return this.sheet.toDataURL("image/jpeg", QUALITY).split(",")[1];
+    return this.sheet.toDataURL(`image/${type}`, QUALITY).split(",")[1];
   }
 
   /** The card of all flights as base64 of a PNG: their lines over the course, and what the head of the page tells. */
@@ -305,10 +445,12 @@ export class Film {
   duel(write, width, height, flights, name) {
     const ranked = [...flights].sort((a, b) => (a.raceTime ?? Infinity) - (b.raceTime ?? Infinity));
     write(name, 48, height - 84, 58, 700, "#ffffff", "left", 520);
-    for (const [row, { label, number, raceTime, stamp }] of ranked.entries()) {
-      const gap = row && raceTime !== null ? ` (${signed(raceTime - ranked[0].raceTime, 3)})` : "";
-      const time = raceTime === null ? "not finished" : `${written(raceTime, 3)} s${gap}`;
-      write(`${label}  ${time}`, width - 48, height - 122 + 46 * row, 36, 700, tagColour(number), "right", 560);
+    const { graphics } = this;
+    for (const [row, { label, colour, raceTime, stamp, nation, raceNumber }] of ranked.entries()) {
+      const gap = row && raceTime !== null ? ` (${graphics.number(raceTime - ranked[0].raceTime, 3, signed)})` : "";
+      const time = raceTime === null ? graphics.say("not finished") : `${graphics.number(raceTime, 3)} s${gap}`;
+      const who = [raceNumber, label, nation].filter(Boolean).join(" ");
+      write(`${who}  ${time}`, width - 48, height - 122 + 46 * row, 36, 700, colour, "right", 560);
       write(`${label}: ${stamp}`, 50, height - 40 + 24 * row, 17, 500, "#c7d4df", "left", width - 100);
     }
   }
@@ -331,12 +473,15 @@ export class Film {
       this.duel(write, width, height, flights, text("h1"));
       return;
     }
+    const [{ raceTime, stamp, label, nation, raceNumber, named }] = flights;
+    const { subtitle, state } = this.graphics.broadcast;
+    const who = named ? `${[raceNumber, label, nation].filter(Boolean).join(" ")}, ` : "";
     write(text("h1"), 48, height - 84, 58, 700, "#ffffff", "left", 760);
-    write(text(".mast p"), 50, height - 46, 25, 500, "#c7d4df", "left", 800);
-    write(text(".mast .stamp"), 50, height - 16, 17, 500, "#c7d4df", "left", width - 100);
-    write(text(".race-time").replace(/ ?s$/, " s"), width - 48, height - 72, 78, 750, "#ffffff", "right", 330);
+    write(`${who}${subtitle}`, 50, height - 46, 25, 500, "#c7d4df", "left", 800);
+    write(stamp, 50, height - 16, 17, 500, "#c7d4df", "left", width - 100);
+    write(`${this.graphics.number(raceTime, 3)} s`, width - 48, height - 72, 78, 750, "#ffffff", "right", 330);
     const verdict = document.querySelector(".verdict");
     const colour = Object.entries(VERDICTS).find(([name]) => verdict.classList.contains(name))[1];
-    write(verdict.dataset.state, width - 50, height - 46, 22, 600, colour, "right", 330);
+    write(state, width - 50, height - 46, 22, 600, colour, "right", 330);
   }
 }

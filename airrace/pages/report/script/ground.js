@@ -13,13 +13,16 @@ import {
   Mesh,
   MeshBasicMaterial,
   NotEqualStencilFunc,
+  PlaneGeometry,
   RepeatWrapping,
   ReplaceStencilOp,
   ShaderMaterial,
   Shape,
   ShapeGeometry,
   SphereGeometry,
+  Vector2,
   Vector3,
+  WebGLRenderTarget,
 } from "three";
 import { placed } from "./flight.js";
 import { roundStep, themed } from "./values.js";
@@ -30,6 +33,7 @@ const ABOVE_SEA = 1; // m: a course that lies lower is flown over water, unless 
 const SUN = [-0.52, 0.66, 0.54]; // towards the sun, in the scene's axes: an afternoon of the northern hemisphere
 const TEXELS = 256;
 const OCTAVES = 5;
+const COARSE = 2; // pixels, along each side, of those in which sky and ground are drawn: their shaders take most of a picture's time
 
 /** The direction to the sun; south of the equator it stands in the north. */
 function sunOf(latitude) {
@@ -61,8 +65,10 @@ export function groundOf(box, course) {
   const plain = new Mesh(new CircleGeometry(FAR, 64), shaded(GROUND_VERTEX, GROUND_FRAGMENT));
   plain.rotation.x = -Math.PI / 2;
   plain.renderOrder = -20;
+  const backdrop = new Group().add(sky, plain);
+  const coarse = coarselyDrawn(backdrop);
   const arrow = northArrow(box, extent);
-  group.add(sky, plain, arrow);
+  group.add(backdrop, coarse, arrow);
   Object.assign(group, { step: uniforms.spacing.value, arrow, sun, shore });
   group.flood = (kind) => {
     group.kind = kind;
@@ -78,12 +84,37 @@ export function groundOf(box, course) {
     uniforms.time.value = time;
     arrow.visible = drawn;
   };
+  /** Draw sky and ground ahead of a picture where the latter has no grid, whose lines have to be fine. */
+  group.prepare = (renderer, camera) => coarse.prepare(renderer, camera, uniforms.grid.value === 0);
   group.restyle = () => {
     for (const name of COLOURS) uniforms[name.replace("-", "_")].value.set(themed(name));
     uniforms.sunlight.value.set(themed("sunlight"));
     arrow.material.color.set(themed("cloud"));
   };
   return group;
+}
+
+/** What shows a backdrop that `prepare(renderer, camera, isCoarse)` draws ahead in coarse pixels, or lets be drawn in full. */
+function coarselyDrawn(backdrop) {
+  const target = new WebGLRenderTarget(1, 1, { depthBuffer: false });
+  const uniforms = { drawn: { value: target.texture } };
+  const look = { depthTest: false, depthWrite: false };
+  const material = new ShaderMaterial({ uniforms, vertexShader: WHOLE_VERTEX, fragmentShader: DRAWN_FRAGMENT, ...look });
+  const shown = new Mesh(new PlaneGeometry(2, 2), material);
+  Object.assign(shown, { frustumCulled: false, renderOrder: -30 });
+  shown.prepare = (renderer, camera, isCoarse) => {
+    backdrop.visible = true;
+    if (isCoarse) {
+      const size = renderer.getDrawingBufferSize(new Vector2());
+      target.setSize(Math.ceil(size.x / COARSE), Math.ceil(size.y / COARSE));
+      renderer.setRenderTarget(target);
+      renderer.render(backdrop, camera);
+      renderer.setRenderTarget(null);
+    }
+    backdrop.visible = !isCoarse;
+    shown.visible = isCoarse;
+  };
+  return shown;
 }
 
 /**
@@ -162,6 +193,7 @@ function northArrow(box, extent) {
   return arrow;
 }
 
+// Sky and ground give colours as a screen shows them also where they are drawn ahead: else few steps of dark ones would be left.
 const COLOURS = ["zenith", "horizon", "cloud", "deep", "shallow", "sand", "grass", "grass-dry"];
 
 const SKY = `
@@ -211,8 +243,7 @@ void main() {
     float hill = 1.0 - smoothstep(height - 0.0012, height + 0.0004, direction.y);
     colour = mix(colour, mix(horizon, zenith, 0.45) * 0.82, hill * step(0.0005, height));
   }
-  gl_FragColor = vec4(colour, 1.0);
-  #include <colorspace_fragment>
+  gl_FragColor = sRGBTransferOETF(vec4(colour, 1.0));
 }`;
 
 const GROUND_VERTEX = `
@@ -269,9 +300,20 @@ void main() {
   float mesh = grid == 0.0 ? 0.0 : max(0.05 * lines(at, spacing), 0.12 * lines(at, 5.0 * spacing));
   colour = mix(colour, cloud, mesh);
   float air = haze * away * away / (away * away + 2.2e8);
-  gl_FragColor = vec4(mix(colour, mix(horizon, zenith, 0.25), air), 1.0);
-  #include <colorspace_fragment>
+  gl_FragColor = sRGBTransferOETF(vec4(mix(colour, mix(horizon, zenith, 0.25), air), 1.0));
 }`;
+
+const WHOLE_VERTEX = `
+varying vec2 at;
+void main() {
+  at = uv;
+  gl_Position = vec4(position.xy, 0.0, 1.0);
+}`;
+
+const DRAWN_FRAGMENT = `
+uniform sampler2D drawn;
+varying vec2 at;
+void main() { gl_FragColor = texture2D(drawn, at); }`;
 
 const DARK = 0.34;
 const NUMBER = 254; // in the stencil, of all shadows

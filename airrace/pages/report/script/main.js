@@ -6,13 +6,14 @@ import { Film, Graphics } from "./graphics.js";
 import { LossMap } from "./map.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
-import { differencesOf, watchTheme, written } from "./values.js";
+import { costliestOf, differencesOf, watchTheme, written } from "./values.js";
 
 const PICTURES = [
   ["above", 540, 390],
   ["orbit", 540, 390],
   ["side", 1080, 260],
 ];
+const TOUCHED = 2500; // ms, for which buttons stay over the full screen after a touch
 const WIDTH = 700; // pixels: what a page takes between its margins
 
 /** Make the page ready before it is printed, and put it back afterwards. */
@@ -66,7 +67,8 @@ function begin() {
     document.getElementById(id),
   );
   const differences = differencesOf(contents.differences);
-  const graphics = new Graphics(flights, differences, document.title, contents.units);
+  const replay = costliestOf(differences, lead.duration);
+  const graphics = new Graphics(flights, document.title, contents.units, contents.broadcast, replay);
   const scene = sceneOrNone(sceneElement, contents, flights, clock, graphics);
   const stretch = new Stretch(clock, lead);
   const strips = new Strips(stripsElement, contents, flights, clock, stretch, differences);
@@ -92,6 +94,13 @@ function begin() {
   const watch = full.closest(".watch");
   full.hidden = !document.fullscreenEnabled;
   full.addEventListener("click", () => (document.fullscreenElement ? document.exitFullscreen() : watch.requestFullscreen()));
+  let leaving;
+  for (const touch of ["pointermove", "pointerdown"])
+    watch.addEventListener(touch, () => {
+      watch.classList.add("touched");
+      clearTimeout(leaving);
+      leaving = setTimeout(() => watch.classList.remove("touched"), TOUCHED);
+    });
   // For whoever looks into the page from its console, and for what takes films and cards of it.
   const film = scene === null ? null : new Film(scene, graphics, clock);
   window.airrace = { clock, flights, scene, strips, stretch, maps, graphics, film };

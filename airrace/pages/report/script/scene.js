@@ -17,10 +17,10 @@ import {
 import { Chase, Cockpit, Orbit, Parallel } from "./cameras.js";
 import { watchGestures } from "./controls.js";
 import { courseOf } from "./course.js";
-import { Director, Television } from "./director.js";
-import { aircraftOf, envelopeOf, placed, ribbonOf } from "./flight.js";
+import { Director, Replay, Television } from "./director.js";
+import { aircraftOf, envelopeOf, extremitiesOf, placed, ribbonOf } from "./flight.js";
 import { groundOf, shadowOf } from "./ground.js";
-import { roundStep, tagColour, themed, written } from "./values.js";
+import { extent, roundStep, themed, written } from "./values.js";
 
 const NEAR = 12; // m, from the eye in the cockpit, within which no other aircraft is drawn
 const [LATE, EARLY] = [40, 20]; // ms between pictures, beyond which fewer pixels are drawn, and below which more
@@ -49,8 +49,8 @@ export class RaceScene {
     const lead = this.actors[0];
     const parallel = ["above", "side"].map((name) => new Parallel(name, points));
     const [chase, cockpit] = [new Chase(lead.flight), new Cockpit(lead.flight, lead.model)];
-    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun, chase);
-    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director)];
+    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun, chase, graphics.replay);
+    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director), new Replay(director)];
     this.views = new Map(views.map((view) => [view.name, view]));
     this.view = views[0];
     this.enlarged = 1;
@@ -127,7 +127,8 @@ export class RaceScene {
       this.draw(width, height, ratio * this.share(), this.view, covered);
       this.showLabels(this.view.camera, width, height);
       const context = sized(this.overlay, width, height, ratio);
-      this.graphics.draw(context, width, height, this.clock.time, this.view, { top: covered[2], bottom: covered[1] });
+      const whole = document.fullscreenElement !== null;
+      this.graphics.draw(context, width, height, this.clock.time, this.view, { whole, top: covered[2], bottom: covered[1] });
       this.onDrawn?.();
     });
   }
@@ -151,6 +152,7 @@ export class RaceScene {
     this.gridded = grid && !view.follows;
     this.ground.show(view.camera, this.clock.time, this.gridded);
     this.actors.forEach((actor) => actor.show(this, view, width / thick, height / thick));
+    this.ground.prepare(this.renderer, view.camera);
     this.renderer.render(this.scene, view.camera);
   }
 
@@ -203,7 +205,7 @@ class Actor {
   constructor(flight, sun, named) {
     this.flight = flight;
     this.way = ribbonOf(flight);
-    this.model = aircraftOf(flight.aircraft.span, flight.number > 0);
+    this.model = aircraftOf(flight.aircraft.span, flight.number > 0, flight.mark);
     this.plumb = new Line(new BufferGeometry().setFromPoints([new Vector3(), new Vector3()]), new LineBasicMaterial());
     this.plumb.frustumCulled = false;
     this.dot = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ transparent: true, depthTest: false }));
@@ -212,13 +214,14 @@ class Actor {
     this.parts = [this.way, this.shadow, this.model, this.plumb, this.dot];
     if (flight.envelope) this.parts.push(envelopeOf(flight));
     const hidden = () => !this.model.visible || (flight.number === 0 && this.close);
-    const colour = tagColour(flight.number);
-    this.tag = { text: named ? flight.label : "", place: this.model.position, kind: "tag", colour, hidden };
+    const extent = () => extremitiesOf(flight.aircraft.span * this.scale).map((point) => point.applyQuaternion(this.model.quaternion).add(this.model.position));
+    this.tag = { text: named ? flight.label : "", place: this.model.position, kind: "tag", colour: flight.colour, hidden, extent };
+    this.scale = 1;
   }
 
   restyle() {
     this.way.restyle();
-    const colour = tagColour(this.flight.number);
+    const { colour } = this.flight;
     this.plumb.material.color.set(colour);
     this.dot.material.color.set(colour);
     this.model.paint(colour);
@@ -232,7 +235,8 @@ class Actor {
     this.flight.attitude(time, this.model.quaternion);
     this.close = view.seat || view.name === "chase";
     this.inside = view.seat === true && this.flight.number === 0;
-    this.model.scale.setScalar(this.size * (this.inside ? 1 : scene.enlarged));
+    this.scale = this.inside ? 1 : scene.enlarged;
+    this.model.scale.setScalar(this.size * this.scale);
     const ends = this.plumb.geometry.getAttribute("position");
     this.model.position.toArray(ends.array, 0);
     ends.setXYZ(1, this.model.position.x, 0, this.model.position.z);
@@ -317,10 +321,13 @@ export function writeLabels(context, labels, camera, width, height, size = 13) {
 /**
  * Left, top, width and height of every label above its place; null where it is not seen or would lie on another.
  *
- * Names of aircraft come first, and move out of one another's way; one is `hidden()` while its aircraft is.
+ * Names of aircraft come first, and stand beside them: never on an aircraft, nor on another name; one is `hidden()` while its
+ * aircraft is.
  */
 function arranged(labels, camera, width, height, sizeOf) {
   const place = new Vector3();
+  const tags = labels.filter((label) => label.kind === "tag" && label.text && !label.hidden?.());
+  const aircraft = new Map(tags.map((tag) => [tag, boxOf(tag.extent(), camera, width, height)]));
   const taken = [];
   const boxes = labels.map(() => null);
   const order = [...labels.keys()].sort((a, b) => Number(labels[b].kind === "tag") - Number(labels[a].kind === "tag") || a - b);
@@ -332,16 +339,32 @@ function arranged(labels, camera, width, height, sizeOf) {
     const seen = place.z > -1 && place.z < 1 && across > 0 && across < width && down > 8 && down < height;
     if (!seen) continue;
     const [wide, high] = sizeOf(label);
-    const lift = label.kind === "tag" ? 1.5 * high : 0;
-    const rows = label.kind === "tag" ? [0, 1, 2, -4, 3, -5] : [0];
     const left = Math.min(Math.max(across - 0.5 * wide, 2), width - wide - 2);
-    const tried = rows.map((row) => [left, down - high - 3 - lift - row * (high + 2), wide, high]);
-    const free = tried.find((box) => !taken.some((other) => overlap(box, other)));
+    let tried = [[left, down - high - 3, wide, high]];
+    let obstacles = taken;
+    if (aircraft.has(label)) {
+      const [x, y, w, h] = aircraft.get(label);
+      const rows = [0, 1, 2, 3].map((row) => row * (high + 2));
+      const above = rows.map((row) => [left, y - high - 3 - row, wide, high]);
+      const below = rows.map((row) => [left, y + h + 3 + row, wide, high]);
+      const beside = [x + w + 4, x - wide - 4].map((edge) => [edge, down - 0.5 * high, wide, high]);
+      tried = [...above, ...beside, ...below].filter((box) => box[0] > 0 && box[1] > 0 && box[0] + wide < width && box[1] + high < height);
+      obstacles = [...taken, ...aircraft.values()];
+    }
+    const free = tried.find((box) => !obstacles.some((other) => overlap(box, other)));
     if (!free) continue;
     taken.push(free);
     boxes[i] = free;
   }
   return boxes;
+}
+
+/** Left, top, width and height of points in a picture. */
+function boxOf(points, camera, width, height) {
+  const seen = points.map((point) => point.project(camera));
+  const [left, right] = extent(seen.map(({ x }) => 0.5 * (x + 1) * width));
+  const [top, bottom] = extent(seen.map(({ y }) => 0.5 * (1 - y) * height));
+  return [left, top, right - left, bottom - top];
 }
 
 function named(element, { text, kind, colour }) {

@@ -66,6 +66,21 @@ export function differencesOf(differences) {
   });
 }
 
+const [AGAIN, AGAIN_STEP] = [2.5, 0.1]; // s of a race that are shown again, and between the stretches that are compared
+const COSTLY = 0.01; // s: where no stretch costs as much, none is shown again
+
+/** The stretch of the first flight in which the time between it and another one changes most: `{from, to, flight, change}`, or null. */
+export function costliestOf(differences, duration) {
+  let costliest = null;
+  for (const { flight, at } of differences)
+    for (let from = 0; from + AGAIN <= duration; from += AGAIN_STEP) {
+      const change = at(from + AGAIN) - at(from);
+      const least = Math.abs(costliest?.change ?? COSTLY);
+      if (Math.abs(change) > least) costliest = { from, to: from + AGAIN, flight, change };
+    }
+  return costliest;
+}
+
 function interpolated(times, values, time) {
   const last = times.length - 1;
   if (time <= times[0]) return values[0];

@@ -1,0 +1,82 @@
+"""The texts of films and cards in the languages of their audiences, and numbers as those write them."""
+
+import functools
+import math
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+
+from airrace.flights.results import Flight
+from airrace.flights.results.stamp import FREEZING
+from airrace.model.environment import atmosphere_parameters, density, temperature
+from airrace.pages.report.film import Language
+from airrace.pages.report.script import FOLDER
+from airrace.pages.views.tables import Units
+
+
+@functools.cache
+def _texts() -> Mapping[str, Mapping[str, Sequence[str]]]:
+    """Return the texts of all languages: those of the graphics, which the page writes, and of what a flight is."""
+    return tomllib.loads((FOLDER / "languages.toml").read_text(encoding="utf-8"))
+
+
+def decimal_sign(language: Language) -> str:
+    """Return what stands before the decimals of a number."""
+    return "." if language is Language.EN else ","
+
+
+def _translator(language: Language) -> Callable[[str], str]:
+    """Return a function from what is to be said to the text of a language."""
+    place, texts = list(Language).index(language), _texts()["flight"]
+    return lambda key: texts[key][place]
+
+
+def graphics_texts(language: Language) -> Mapping[str, str]:
+    """Return the texts of the graphics by their keys."""
+    place = list(Language).index(language)
+    return {key: texts[place] for key, texts in _texts()["graphics"].items()}
+
+
+def stamp_text(flight: Flight, language: Language, units: Units) -> str:
+    """Return what a flight is in one line; in English as its stamp says it, in other languages in short."""
+    stamp = flight.stamp
+    if language is Language.EN:
+        return stamp.text
+    say, sign = _translator(language), decimal_sign(language)
+    parameters = atmosphere_parameters(flight.air)
+    degrees = f"{float(temperature(0.0, parameters)) - FREEZING:.0f} °C"
+    air = f"{float(density(0.0, parameters)):.3f} kg/m³".replace(".", sign)
+    head = stamp.stage or say("as flown")
+    if stamp.certified is not None:
+        head += f", {say('certified' if stamp.certified else 'not certified')}"
+    texts = [head, flight.aircraft.name, f"{wind_text(flight, language, units)}, {degrees}, {air}"]
+    if stamp.pilot:
+        texts.append(f"{say('limits')}: {stamp.pilot}")
+    if stamp.status is not None:
+        reserve = say("none")
+        if stamp.reserve is not None:
+            reached = "" if stamp.reserve.reached else f" ({say('not reached')})"
+            reserve = f"{stamp.reserve.asked:g}".replace(".", sign) + reached
+        texts.append(f"{say('reserve')}: {reserve}")
+    return "; ".join(texts)
+
+
+def wind_text(flight: Flight, language: Language, units: Units) -> str:
+    """Return the wind in which a flight is flown."""
+    wind, say = flight.air.wind, _translator(language)
+    if wind is None or not wind.speed > 0.0:
+        return say("still air")
+    origin = f"{round(math.degrees(wind.origin)) % 360:03d}"
+    return say("wind").format(f"{wind.speed * units.per_m_s:.0f}", units.speed, origin)
+
+
+def state_text(flight: Flight, misses: int, language: Language) -> str:
+    """Return whether a flight is certified and verified, and past how many pylons it is too near."""
+    say, source = _translator(language), flight.source
+    texts = [say("recorded")]
+    if source.certified is not None:
+        texts = [say("certified" if source.certified else "not certified")]
+    if source.verification is not None:
+        texts.append(say(source.verification.outcome))
+    if misses:
+        texts.append(say("pylons too near").format(misses))
+    return ", ".join(texts)
