@@ -185,8 +185,9 @@ def test_an_unreadable_track_is_one_clear_finding(tmp_path: Path, content: bytes
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "tracks").glob("*.yaml")), ids=lambda path: path.stem)
-def test_shipped_courses_load_and_can_be_loaded_again_from_their_texts(path: Path) -> None:
+def test_shipped_courses_pass_all_their_gates_and_can_be_loaded_again_from_their_texts(path: Path) -> None:
     inputs = load_inputs(path)
+    assert inputs.unused_gates == ()
     assert json.loads(json.dumps(inputs.resolved, allow_nan=False)) == inputs.resolved
     assert inputs_from_documents(inputs.track, inputs.aircraft, inputs.settings_file, inputs.overrides) == inputs
 
