@@ -135,27 +135,6 @@ def test_hostile_names_stay_names(tmp_path: Path) -> None:
     assert len(course.passages) == len(names)
 
 
-@pytest.mark.parametrize(
-    ("text", "name", "said"),
-    [
-        ("<kml/>", "a.kml", "holds no placemarks"),
-        ("<kml>", "a.kml", "is no XML"),
-        ('<!DOCTYPE kml [<!ENTITY a "b">]><kml/>', "a.kml", "holds a document type"),
-        (kml(point("a", 0.0, 0.0)), "a.kml", "holds no two gates or pylons"),
-        ("{", "a.geojson", "is neither KML, GPX nor GeoJSON"),
-        ('{"type": "FeatureCollection", "features": [3]}', "a.geojson", "is no GeoJSON as RFC 7946 has it"),
-        ('{"type": "Feature", "geometry": {"type": "Point", "coordinates": [13, 95]}}', "a.geojson", "95, 13 is no"),
-        ('<gpx><wpt lat="north" lon="13"/></gpx>', "a.gpx", "`north, 13` is no latitude and longitude"),
-    ],
-)
-def test_files_that_hold_no_course_are_refused(tmp_path: Path, text: str, name: str, said: str) -> None:
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError) as caught:
-        airrace.init(tmp_path / "new", from_=tmp_path / name)
-    assert said in str(caught.value)
-    assert not (tmp_path / "new.yaml").exists()
-
-
 def test_a_course_is_copied_or_sketched(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="leave one of them out"):
         airrace.init(tmp_path / "new", like="rovinj_2014", from_="marks.kml")
