@@ -80,12 +80,6 @@ def test_coordinates_that_are_cut_off_make_climbing_passings_less_certain(digits
     assert [breach for breach in one.violations if breach.certain] == []
 
 
-def test_a_leap_second_may_come_first(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("time,lat,lon,alt\n2016-12-31T23:59:60Z,45,13,20\n2017-01-01T00:00:01Z,45.001,13,20\n")
-    assert read_log(path).time == pytest.approx([0.0, 1.0])
-
-
 def test_elements_beside_the_track_change_nothing(tmp_path: Path) -> None:
     text = gpx_text(fixes(2.0))
     path = tmp_path / "log.gpx"

@@ -213,6 +213,9 @@ RECORDINGS: dict[str, Recording] = {
     "seconds that are none": Recording(
         text(rows(clocks("%Y-%m-%d %H:%M:%S.%f", timedelta(minutes=-16)))).replace("13:44:30.0", "13:43:90.0")
     ),
+    "a second after the 59th": Recording(
+        text(rows([one.replace("T14:00:00.", "T13:59:60.") for one in clocks("2016-12-31T%H:%M:%S.%fZ")]))
+    ),
     "a time that is wrong": Recording(over_midnight(0), "1 sample is left out for times"),
     "midnight, and a time that is wrong": Recording(over_midnight(10), "1 sample is left out for times"),
     # positions and angles
@@ -311,15 +314,6 @@ def test_heights_of_another_zero_accuse_nobody(tmp_path: Path) -> None:
     one = imported(tmp_path, text(rows((), ALTITUDE + 45.0), "time,lat,lon,alt [m]"))
     assert any("almost all passings are about" in remark for remark in one.remarks)
     assert not any(breach.certain for breach in one.violations)
-
-
-def test_a_leap_second_is_the_second_behind(tmp_path: Path) -> None:
-    times = [f"2016-12-31T{one:%H:%M:%S.%f}Z" for one in CLOCK]
-    leap = [one.replace("14:00:10.", "14:00:09.").replace("14:00:09.", "14:00:60.") for one in times[:1]]
-    assert_same_flight(imported(tmp_path, text(rows([*leap, *times[1:]]))))
-    text_ = "time,x,y,height\n2016-12-31T23:59:59Z,1,2,3\n2016-12-31T23:59:60Z,1,2,3\n2017-01-01T00:00:01Z,1,2,3\n"
-    (tmp_path / "leap.csv").write_text(text_)
-    assert read_log(tmp_path / "leap.csv").time.tolist() == [0.0, 1.0, 2.0]
 
 
 def test_rows_between_positions_tell_the_attitude(tmp_path: Path) -> None:
