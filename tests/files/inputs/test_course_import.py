@@ -456,11 +456,11 @@ NO_COURSES: dict[str, tuple[bytes, str]] = {
 
 @pytest.mark.parametrize("kind", NO_COURSES)
 def test_files_that_hold_no_course_are_refused_and_nothing_is_written(tmp_path: Path, kind: str) -> None:
-    content, said = NO_COURSES[kind]
+    content, words = NO_COURSES[kind]
     (tmp_path / "marks").write_bytes(content)
     with pytest.raises(InputError) as refused:
         begin_course(tmp_path / "new", from_=tmp_path / "marks")
-    assert said in str(refused.value)
+    assert words in str(refused.value)
     assert not (tmp_path / "new.yaml").exists()
 
 

@@ -134,7 +134,7 @@ def test_the_object_tells_passings_breaches_and_bases(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"),
+    ("arguments", "code", "words"),
     [
         (("show", "log.h5", "--legs"), 0, "legs: speeds and clearances"),
         (("compare", "log.h5", "log.csv"), 0, "a tie within 5 ms"),
@@ -148,12 +148,12 @@ def test_the_object_tells_passings_breaches_and_bases(folder: Path) -> None:
     ],
 )
 def test_commands_of_flights_take_flown_logs_and_those_of_runs_refuse_them(
-    folder: Path, arguments: tuple[str, ...], code: int, said: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, arguments: tuple[str, ...], code: int, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    ended, out, err = run(*arguments)
-    assert (ended, err == "") == (code, code == 0)
-    assert said in (err or out)
+    exit_code, out, err = run(*arguments)
+    assert (exit_code, err == "") == (code, code == 0)
+    assert words in (err or out)
 
 
 def test_an_exported_flight_is_imported_again(folder: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import BEGIN, Fixes, acmi_text, fixes, gpx_text, igc_text, known, on_globe, race
+from synthetic import BEGIN, Fixes, acmi_text, assert_same_flight, fixes, gpx_text, igc_text, known, on_globe, race
 
 from airrace.errors import InputError
 from airrace.files.inputs.log_columns import with_columns
@@ -50,15 +50,6 @@ def imported(folder: Path, content: str | bytes, name: str = "log.csv", columns:
     return flight_from_log(read_log(path, with_columns(ColumnLayout(), columns)), race(), label="log")
 
 
-def assert_same_flight(one: LogFlight, near: float = 0.002) -> None:
-    """The passings of the optimum, none of them missing, and no rule broken for certain."""
-    begin = known().passings["0:g0"]
-    assert {crossing.name for crossing in one.flight.crossings if crossing.found} == set(known().passings)
-    for crossing in one.flight.crossings:
-        assert crossing.time == pytest.approx(known().passings[crossing.name] - begin, abs=near)
-    assert [breach for breach in one.violations if breach.certain] == []
-
-
 def replaced(lines: Sequence[str], changes: dict[int, str]) -> list[str]:
     return [changes.get(row, line) for row, line in enumerate(lines)]
 
@@ -89,7 +80,8 @@ class Recording:
 
 
 def clocks(form: str, late: timedelta = timedelta()) -> list[str]:
-    return [(one + late).strftime(form) for one in CLOCK]
+    """The times as a clock writes them."""
+    return [(time + late).strftime(form) for time in CLOCK]
 
 
 def over_midnight(hours: int) -> str:
@@ -106,8 +98,8 @@ def held(every: int) -> str:
     return text(lines, f"{SHORT},roll,pitch,heading")
 
 
-def some(step: slice) -> Fixes:
-    return Fixes(*(one[step] for one in vars(EXACT).values()))
+def sampled(rows: slice) -> Fixes:
+    return Fixes(*(values[rows] for values in vars(EXACT).values()))
 
 
 def gpx(pattern: str, new: str, remark: str, count: int = 0) -> Recording:
@@ -136,14 +128,14 @@ IN_FEET = rows((), ALTITUDE / FOOT)
 IGC, GPX, ACMI = igc_text(EXACT).splitlines(), gpx_text(EXACT), acmi_text(EXACT)
 STEPS = ACMI.splitlines()
 PLAN = "<trk><name>plan</name><trkseg>" + '<trkpt lat="45.08" lon="13.62"></trkpt>' * 5 + "</trkseg></trk>"
-BEGINNING = gpx_text(some(slice(9))).partition("<trk>")[2].partition("</gpx>")[0]
+BEGINNING = gpx_text(sampled(slice(9))).partition("<trk>")[2].partition("</gpx>")[0]
 OTHER_TIME = "<extensions><time>2014-01-01T00:00:00Z</time><ele>9</ele></extensions></trkpt>"
 CARRIER = "301,Name=Carrier,Type=Sea+Watercraft+AircraftCarrier,T=0.6|0.1|0\n#1\n301,T=0.7|0.1|0\n"
 OTHER = "b,Name=Else,Type=Air+FixedWing,T=0.6|0.1|0\n#1\nb,T=0.7|0.1|0\n"
 NOTES = "0,Comments=first\\\n// second\\\nthird\na1,Name=Edge\\\n// no name\n540,"
 FIVE_A_SECOND = [
     line[:-3] if line.startswith("B") else line.replace("I03", "I02").replace("4244TDS", "")
-    for line in igc_text(some(slice(13, None, 4))).splitlines()
+    for line in igc_text(sampled(slice(13, None, 4))).splitlines()
 ]
 UNFIT = "left out for times that do not fit those"
 AROUND = f"{UNFIT} around them"
@@ -214,7 +206,7 @@ RECORDINGS: dict[str, Recording] = {
         text(rows(clocks("%Y-%m-%d %H:%M:%S.%f", timedelta(minutes=-16)))).replace("13:44:30.0", "13:43:90.0")
     ),
     "a second after the 59th": Recording(
-        text(rows([one.replace("T14:00:00.", "T13:59:60.") for one in clocks("2016-12-31T%H:%M:%S.%fZ")]))
+        text(rows([time.replace("T14:00:00.", "T13:59:60.") for time in clocks("2016-12-31T%H:%M:%S.%fZ")]))
     ),
     "a time that is wrong": Recording(over_midnight(0), "1 sample is left out for times"),
     "midnight, and a time that is wrong": Recording(over_midnight(10), "1 sample is left out for times"),
