@@ -1,5 +1,6 @@
 """Texts in the languages of the documents, and what they are understood as."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,23 @@ course:
 """
 """One of everything the track language knows."""
 
+OBSTACLES = """\
+obstacles:
+  crane: {north_m: 700, east_m: -300, height_m: 80}
+  silo: {latitude_deg: 45.09, longitude_deg: 13.63, height_m: 40, radius_m: 6, clearance_m: 20}
+  hall: {north_m: 0, east_m: 900, height_m: 12, length_m: 65, width_m: 28, heading_deg: 30}
+"""
+TWO_GATES = """schema: airrace/track/1
+name: two gates
+aircraft: edge540
+origin: {latitude_deg: 45.0, longitude_deg: 13.0}
+rules: {n_z_max: 10}
+gates:
+  a: {type: level, north_m: 0, east_m: 0, heading_deg: 0}
+  b: {type: %s}
+course: {start: a, lap: [b]}
+"""
+
 AIRCRAFT = (ROOT / "configs/edge540.yaml").read_text(encoding="utf-8")
 
 
@@ -95,14 +113,47 @@ def edited(text: str, old: str, new: str) -> str:
     return text.replace(old, new)
 
 
-def edits(table: str) -> list[tuple[str, str, str]]:
-    """Edits of a text, one a line as `old => new`, each with what is said of it, in the lines with `> ` below."""
-    found: list[tuple[str, str, str]] = []
-    for line in table.strip("\n").splitlines():
-        if line.startswith("> "):
-            *rest, (old, new, said) = found
-            found = [*rest, (old, new, f"{said} {line[2:]}".strip())]
+@dataclass(frozen=True)
+class Refusal:
+    """What is changed in the text of a document, and all that is found then.
+
+    Attributes:
+        base: the name of the text.
+        changes: the parts that are replaced, each with what comes in its place.
+        overrides: what is set besides, as `--set` takes it.
+        findings: file, place, key and words of every finding.
+    """
+
+    base: str
+    changes: list[tuple[str, str]]
+    overrides: tuple[str, ...]
+    findings: list[str]
+
+    def __str__(self) -> str:
+        return "; ".join((*(new for _, new in self.changes), *self.overrides))
+
+
+def refusals(table: str) -> list[Refusal]:
+    """The cases of a table, in which `# BASE: topic` begins those of a text.
+
+    A case is lines of `old => new` and `--set key=value`, then a line `> line:column: key: words` for every finding
+    in the text, or `> --set: key: words`, which goes on in lines that begin with `>   `.
+    """
+    cases: list[Refusal] = []
+    base = ""
+    for line in filter(None, table.splitlines()):
+        if line.startswith("# "):
+            base = line[2:].split(":")[0]
+        elif line.startswith(">   "):
+            cases[-1].findings[-1] += line[3:]
+        elif line.startswith("> "):
+            cases[-1].findings.append(f"t.yaml:{line[2:]}" if line[2].isdigit() else line[2:])
         else:
-            old, new = line.replace("\\n", "\n").split(" =>")
-            found.append((old, new.removeprefix(" "), ""))
-    return found
+            if not cases or cases[-1].findings:
+                cases.append(Refusal(base, [], (), []))
+            if line.startswith("--set "):
+                cases[-1] = replace(cases[-1], overrides=(*cases[-1].overrides, line.removeprefix("--set ")))
+            else:
+                old, new = line.replace("\\n", "\n").split(" =>")
+                cases[-1].changes.append((old, new.removeprefix(" ")))
+    return cases

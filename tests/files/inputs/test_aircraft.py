@@ -3,15 +3,9 @@
 import math
 
 import pytest
-from language_texts import AIRCRAFT, edited, edits, findings_of, understood
+from language_texts import AIRCRAFT, Refusal, edited, findings_of, refusals, understood
 
 from airrace.model.aircraft import Aircraft, LinearLoops, Mode, Propeller
-
-
-def finding_in_aircraft(old: str, new: str) -> str:
-    (finding,) = findings_of(aircraft=edited(AIRCRAFT, old, new))
-    return str(finding)
-
 
 REFUSED = r"""
 C_Lalpha: 4.8 => C_Lalpha: 0
@@ -24,7 +18,7 @@ wing_area_m2: 9.10 => wing_area_m2: 0
 > airframe.wing_area_m2: an aircraft without a wing has no lift; must be above 0
 C_L_max: 1.40 => C_L_max: 0.05
 > lift.C_L_max: the wing cannot carry the aircraft: at 130 m/s, the envelope's top speed, C_L = 0.05 lifts 4710 N
-> at sea level, the weight is 6845 N
+>   at sea level, the weight is 6845 N
 I_z_kg_m2: 1300 => I_z_kg_m2: 1500
 > airframe.I_z_kg_m2: no body has such a moment of inertia: 1500 is more than the other two together, 1420
 C_lxi: -0.31 => C_lxi: 0.31
@@ -32,11 +26,12 @@ C_lxi: -0.31 => C_lxi: 0.31
 """
 
 
-@pytest.mark.parametrize(("old", "new", "message"), edits(REFUSED))
-def test_an_aircraft_that_could_not_fly_is_refused_in_its_own_terms(old: str, new: str, message: str) -> None:
+@pytest.mark.parametrize("case", refusals(REFUSED), ids=str)
+def test_an_aircraft_that_could_not_fly_is_refused_in_its_own_terms(case: Refusal) -> None:
+    ((old, new),), (message,) = case.changes, case.findings
     line = AIRCRAFT[: AIRCRAFT.index(old)].count("\n") + 1
-    column = 3 + old.index(":") + 2
-    assert finding_in_aircraft(old, new) == f"a.yaml:{line}:{column}: {message}"
+    (finding,) = findings_of(aircraft=edited(AIRCRAFT, old, new))
+    assert str(finding) == f"a.yaml:{line}:{3 + old.index(':') + 2}: {message}"
 
 
 def test_an_unsymmetric_aircraft_with_camber_fits_the_language() -> None:

@@ -176,10 +176,3 @@ def test_names_in_other_languages_are_understood(tmp_path: Path) -> None:
     marks = read_placemarks(tmp_path / "de.cup")
     assert {mark.name: mark.subject for mark in marks} == GERMAN
     assert {mark.shape for mark in marks} == {PlacemarkShape.POINT}
-
-
-def test_a_log_is_named_where_a_course_is_expected(tmp_path: Path) -> None:
-    path = tmp_path / "log.txt"
-    path.write_text("$GPRMC,135954.00,A,4505.04,N,01337.41,E,199.22,67.27,130414,,,R*6C\n")
-    with pytest.raises(InputError, match="this is NMEA, the sentences of a receiver; `airrace import"):
-        read_placemarks(path)

@@ -1,5 +1,6 @@
 """Courses from placemarks: everything is recognised, or told as a guess or as not taken over."""
 
+import codecs
 import io
 import json
 import math
@@ -424,32 +425,43 @@ def test_an_archive_with_any_byte_flipped_is_read_or_refused(tmp_path: Path, met
     assert refused > len(whole) // 2
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (archive_of("readme.txt", b""), "is an archive without a KML document"),
-        (archive_of("doc.kml", b"<kml/>")[:40], "is a damaged archive"),
-        (
-            archive_of("doc.kml", b"<kml/>", zipfile.ZIP_LZMA),
-            r"neither stored nor deflated \(method 14\); pack it again",
-        ),
-        (
-            archive_of("doc.kml", b"<kml/>", zipfile.ZIP_BZIP2),
-            r"neither stored nor deflated \(method 12\); pack it again",
-        ),
-        (archive_of("doc.kml", b"<kml>" + b" " * 3_000_000), "is too large unpacked"),
-        (b"<kml>" + b"<Folder>" * 5_000 + b"</Folder>" * 5_000 + b"</kml>", "elements within elements"),
-        (b'<?xml version="1.0" encoding="foo"?><kml/>', "declares an encoding that is not read; save it as UTF-8"),
-        (b'{"type": "Feature", "properties": {}, "geometry": null}', "holds no placemarks"),
-        (b'{"type": "MultiPoint", "coordinates": 3}', "is no GeoJSON as RFC 7946 has it"),
-    ],
-    # an archive carries its date
-    ids=["no document", "damaged", "LZMA", "BZIP2", "too large", "too deep", "encoding", "no geometry", "no GeoJSON"],
-)
-def test_files_that_hold_no_placemarks_are_refused(tmp_path: Path, content: bytes, said: str) -> None:
+NO_COURSES: dict[str, tuple[bytes, str]] = {
+    "no document in an archive": (archive_of("readme.txt", b""), "is an archive without a KML document"),
+    "a damaged archive": (archive_of("doc.kml", b"<kml/>")[:40], "is a damaged archive"),
+    "LZMA": (archive_of("doc.kml", b"<kml/>", zipfile.ZIP_LZMA), "neither stored nor deflated (method 14); pack it"),
+    "BZIP2": (archive_of("doc.kml", b"<kml/>", zipfile.ZIP_BZIP2), "neither stored nor deflated (method 12); pack it"),
+    "too large": (archive_of("doc.kml", b"<kml>" + b" " * 3_000_000), "is too large unpacked"),
+    "too deep": (b"<kml>" + b"<Folder>" * 5_000 + b"</Folder>" * 5_000 + b"</kml>", "elements within elements"),
+    "encoding": (
+        b'<?xml version="1.0" encoding="foo"?><kml/>',
+        "declares an encoding that is not read; save it as UTF-8",
+    ),
+    "damaged UTF-16": (codecs.BOM_UTF16_LE + "<kml/>".encode("utf-16-le")[:-1], "is damaged UTF-16"),
+    "no placemarks": (b"<kml/>", "holds no placemarks"),
+    "no XML": (b"<kml>", "is no XML"),
+    "document type": (b'<!DOCTYPE kml [<!ENTITY a "b">]><kml/>', "holds a document type"),
+    "one point": (kml(mark("a", [(0.0, 0.0)], "Point")).encode(), "holds no two gates or pylons"),
+    "no geometry": (b'{"type": "Feature", "properties": {}, "geometry": null}', "holds no placemarks"),
+    "no coordinates": (b'{"type": "MultiPoint", "coordinates": 3}', "is no GeoJSON as RFC 7946 has it"),
+    "no feature": (b'{"type": "FeatureCollection", "features": [3]}', "is no GeoJSON as RFC 7946 has it"),
+    "no JSON": (b"{", "is neither KML, GPX nor GeoJSON"),
+    "no latitude": (b'{"type": "Feature", "geometry": {"type": "Point", "coordinates": [13, 95]}}', "95, 13 is no"),
+    "no number": (b'<gpx><wpt lat="north" lon="13"/></gpx>', "`north, 13` is no latitude and longitude"),
+    "a log": (
+        b"$GPRMC,135954.00,A,4505.04,N,01337.41,E,199.22,67.27,130414,,,R*6C\n",
+        "this is NMEA, the sentences of a receiver; `airrace import",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", NO_COURSES)
+def test_files_that_hold_no_course_are_refused_and_nothing_is_written(tmp_path: Path, kind: str) -> None:
+    content, words = NO_COURSES[kind]
     (tmp_path / "marks").write_bytes(content)
-    with pytest.raises(InputError, match=said):
-        read_placemarks(tmp_path / "marks")
+    with pytest.raises(InputError) as refused:
+        begin_course(tmp_path / "new", from_=tmp_path / "marks")
+    assert words in str(refused.value)
+    assert not (tmp_path / "new.yaml").exists()
 
 
 def test_pylons_of_a_slalom_are_passed_in_turns_and_others_outside(tmp_path: Path) -> None:

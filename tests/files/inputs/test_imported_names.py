@@ -1,6 +1,5 @@
 """What names say in the languages of race organisers: the same drawing makes the same course in each of them."""
 
-import codecs
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -285,12 +284,6 @@ def test_an_encoding_changes_no_course(tmp_path: Path, encoding: str, *, packed:
 def _file(path: Path, content: bytes) -> Path:
     path.write_bytes(content)
     return path
-
-
-def test_damaged_utf_16_is_refused(tmp_path: Path) -> None:
-    path = _file(tmp_path / "marks.kml", codecs.BOM_UTF16_LE + document(gate("Start", 0.0)).encode("utf-16-le")[:-1])
-    with pytest.raises(InputError, match="is damaged UTF-16"):
-        begin_course(tmp_path / "sketched", from_=path)
 
 
 def test_the_elevation_of_a_waypoint_is_that_of_the_origin(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from language_texts import RICH, TRACK, edited, edits, findings_of, understood
+from language_texts import RICH, TRACK, edited, understood
 from pymap3d import ned2geodetic
 
 import airrace
@@ -65,52 +65,6 @@ def test_everything_that_has_a_position_takes_degrees() -> None:
     dive = next(passage.element for passage in top.race.course.passages if passage.name == "1:dive")
     assert isinstance(dive, Manoeuvre)
     assert Point(dive.north.lower, dive.east.upper) == Point(0.0, 0.0)
-
-
-REFUSED = r"""
-g0: {type: level, north_m: 0, east_m: 0, => g0: {type: level, east_m: 0,
-> 11:3: gates.g0.north_m: missing; `east_m` needs `north_m` beside it
-g0: {type: level, north_m: 0, east_m: 0, => g0: {type: level, north_m: 0,
-> 11:3: gates.g0.east_m: missing; `north_m` needs `east_m` beside it
-g0: {type: level, north_m: 0, east_m: 0, => g0: {type: level,
-> 11:3: gates.g0.north_m: missing; a position is `north_m` and `east_m`, or `latitude_deg` and `longitude_deg`
-latitude_deg: 45.0887, longitude_deg: 13.6363, => longitude_deg: 13.6363,
-> 12:3: gates.g1.latitude_deg: missing; `longitude_deg` needs `latitude_deg` beside it
-latitude_deg: 45.0887, longitude_deg: 13.6363, => north_m: 900, east_m: 500, longitude_deg: 13.6363,
-> 12:48: gates.g1.longitude_deg: the position is given twice; keep north and east, or latitude and longitude
-latitude_deg: 45.0887, => latitude_deg: 46.0887,
-> 12:35: gates.g1.latitude_deg: lies 112.1 km from the origin; at most 50 km, for the frame is flat
-latitude_deg: 45.0887, => latitude_deg: 95,
-> 12:35: gates.g1.latitude_deg: must be at least -90 and at most 90, not 95
-east_max_m: 900 => east_max_m: 900, latitude_deg: 45.08, longitude_deg: 13.63
-> 17:90: gates.dive.latitude_deg: is exact; not together with bounds of north or east, such as `north_min_m`
-latitude_deg: 45.0887, longitude_deg: 13.6363, => latitude_deg: -45.08, longitude_deg: -166.37,
-> 12:35: gates.g1.latitude_deg: lies 1.273e+04 km from the origin; at most 50 km, for the frame is flat
-  - {north_m: -2000, east_m: 2000} =>   - {north_m: -2000}
-> 34:5: airspace.3.east_m: missing; `north_m` needs `east_m` beside it
-"""
-
-
-@pytest.mark.parametrize(("old", "new", "message"), edits(REFUSED))
-def test_a_position_that_is_not_one_is_refused_where_it_stands(old: str, new: str, message: str) -> None:
-    (found,) = findings_of(edited(RICH, old, new))
-    assert str(found) == f"t.yaml:{message}"
-
-
-def test_degrees_need_the_origins() -> None:
-    found = findings_of(edited(RICH, "origin: {latitude_deg: 45.08, longitude_deg: 13.63, elevation_m: 12}\n", ""))
-    assert [one.key for one in found] == [
-        "environment.thermals.0.latitude_deg",
-        "gates.g1.latitude_deg",
-        "crowd.tower.point.latitude_deg",
-    ]
-    assert all("of the track's `origin`" in one.message for one in found)
-    assert (found[1].line, found[1].column) == (11, 21)
-
-
-def test_half_an_origin_is_none() -> None:
-    (found,) = findings_of(TRACK + "origin: {latitude_deg: 45}\n")
-    assert str(found) == "t.yaml:19:1: origin.longitude_deg: missing; `latitude_deg` needs `longitude_deg` beside it"
 
 
 ROVINJ = load_inputs("rovinj_2014").race.course
@@ -179,27 +133,6 @@ def test_hostile_names_stay_names(tmp_path: Path) -> None:
     names = ["&lt;script&gt;", "yes", "a: {b", "x" * 10_000, "]]&gt;", "'"]
     course = coarse(tmp_path, kml("".join(point(name, 0.0, 300.0 * i) for i, name in enumerate(names))))
     assert len(course.passages) == len(names)
-
-
-@pytest.mark.parametrize(
-    ("text", "name", "said"),
-    [
-        ("<kml/>", "a.kml", "holds no placemarks"),
-        ("<kml>", "a.kml", "is no XML"),
-        ('<!DOCTYPE kml [<!ENTITY a "b">]><kml/>', "a.kml", "holds a document type"),
-        (kml(point("a", 0.0, 0.0)), "a.kml", "holds no two gates or pylons"),
-        ("{", "a.geojson", "is neither KML, GPX nor GeoJSON"),
-        ('{"type": "FeatureCollection", "features": [3]}', "a.geojson", "is no GeoJSON as RFC 7946 has it"),
-        ('{"type": "Feature", "geometry": {"type": "Point", "coordinates": [13, 95]}}', "a.geojson", "95, 13 is no"),
-        ('<gpx><wpt lat="north" lon="13"/></gpx>', "a.gpx", "`north, 13` is no latitude and longitude"),
-    ],
-)
-def test_files_that_hold_no_course_are_refused(tmp_path: Path, text: str, name: str, said: str) -> None:
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError) as caught:
-        airrace.init(tmp_path / "new", from_=tmp_path / name)
-    assert said in str(caught.value)
-    assert not (tmp_path / "new.yaml").exists()
 
 
 def test_a_course_is_copied_or_sketched(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import math
 from importlib import resources
 
 import pytest
-from language_texts import RICH, TRACK, edited, edits, findings_of, understood
+from language_texts import OBSTACLES, RICH, TRACK, edited, findings_of, understood
 
 from airrace.files.inputs.rules import preset_names, read_preset
 from airrace.model.track.course import Course, Crowd, CrowdShape, Direction, Obstacle, Rules, SafetyLine
@@ -61,15 +61,6 @@ def test_a_line_holds_on_both_legs_of_a_figure_of_two_passings(item: str, names:
     assert course(track=finish).passages[-1].safety_lines
 
 
-def test_a_line_keeps_the_side_it_says_seen_from_its_beginning_to_its_end() -> None:
-    found = findings_of(overrides=("safety_lines.beach.keep=right",), track=RICH)
-    assert [one.key for one in found] == ["course.lap.1.safety_lines.0"] * 2
-    assert found[0].message.startswith("the leg to `g2` must stay right of `beach` and 10 m away, but `g1` stands ")
-    assert found[0].message.endswith(" m beyond it")
-    assert (found[0].line, found[0].column) == (37, 59)
-    assert "`g2` stands" in found[1].message
-
-
 def test_turning_a_line_round_and_its_side_with_it_changes_nothing() -> None:
     turned = course(
         "safety_lines.beach.keep=right",
@@ -81,43 +72,15 @@ def test_turning_a_line_round_and_its_side_with_it_changes_nothing() -> None:
     assert [passage.name for passage in turned.passages] == [passage.name for passage in course().passages]
 
 
-def test_a_gate_within_the_margin_of_a_line_is_refused() -> None:
-    message = finding("safety_lines.beach.margin_m=200")
-    assert message.startswith("t.yaml:37:59: course.lap.1.safety_lines.0: the leg to `g2` must stay left of `beach`")
-    assert message.endswith("and 200 m away, but `g2` stands 139.8 m from it")
-
-
 def test_a_line_that_no_passing_names_holds_on_every_leg() -> None:
     unnamed = edited(RICH, ", safety_lines: [beach]", "")
     start, *others = understood(unnamed).race.course.passages
     assert not start.safety_lines
     assert {line.name for one in others for line in one.safety_lines} == {"beach"}
     assert all(one.safety_lines == others[0].safety_lines for one in others)
-    (found,) = findings_of(edited(unnamed, "keep: left", "keep: right"))
-    assert str(found).startswith(
-        "t.yaml:19:3: safety_lines.beach: no passing names this line, so it holds on all legs, but `g0` stands 269.6 m "
-    )
-
-
-def test_a_leg_over_laps_is_checked_at_both_of_its_ends() -> None:
-    """The first leg of the second lap comes from the last gate of the first."""
-    track = edited(
-        edited(RICH, "[g1, {gate", "[{gate: g1, safety_lines: [beach]}, {gate"), "q, dive]", "q, dive, south]"
-    )
-    south = "  south: {type: level, north_m: -700, east_m: -100, heading_deg: 0}\n  top:"
-    message = finding(track=edited(track, "  top:", south))
-    assert message.startswith("t.yaml:38:35: course.lap.0.safety_lines.0: the leg to `g1`")
-    assert "`south` stands" in message
 
 
 # Obstacles
-
-OBSTACLES = """\
-obstacles:
-  crane: {north_m: 700, east_m: -300, height_m: 80}
-  silo: {latitude_deg: 45.09, longitude_deg: 13.63, height_m: 40, radius_m: 6, clearance_m: 20}
-  hall: {north_m: 0, east_m: 900, height_m: 12, length_m: 65, width_m: 28, heading_deg: 30}
-"""
 
 
 def obstacles(*overrides: str) -> tuple[Obstacle, ...]:
@@ -170,42 +133,13 @@ def test_crowds_are_points_lines_and_areas() -> None:
 
 
 def test_a_crowd_without_a_distance_takes_that_of_the_rules() -> None:
-    message = finding("crowd.tower.distance_m=null")
-    assert message.startswith("t.yaml:26:3: crowd.tower.distance_m: missing; say it here, or for every crowd as ")
     _, tower, village = course("crowd.tower.distance_m=null", "rules.crowd_distance_m=60").crowd
     assert (tower.distance, village.distance) == (60.0, 150.0)
 
 
-REFUSED = r"""
-to: {north_m: -479, east_m: -252} => to: {north_m: -557, east_m: -375}
-> 21:9: safety_lines.beach.to: is the same place as `from`; a line needs two different points
-safety_lines: [beach] => safety_lines: [beach, beech]
-> 37:66: course.lap.1.safety_lines.1: unknown safety line `beech`; did you mean `beach`?
-point: {latitude_deg: 45.07, longitude_deg: 13.63},  =>
-> 26:3: crowd.tower: a crowd needs one of `point`, `line` and `polygon`
-point: {latitude_deg: 45.07, longitude_deg: 13.63},  => point: {latitude_deg: 45.07, longitude_deg: 13.63}, line: [],
-> 26:63: crowd.tower.line: not together with `point`; a crowd has one shape
-line: [{north_m: -500, east_m: 0}, {north_m: -450, east_m: 200}] => line: [{north_m: -500, east_m: 0}]
-> 25:18: crowd.stands.line: a line needs at least two corners; a single place is a `point`
-{north_m: -450, east_m: 200}] => {north_m: -500, east_m: 0}]
-> 25:47: crowd.stands.line.1: is the same place as the corner before; leave one of them out
-measured: over-ground => measured: ground
-> 26:89: crowd.tower.measured: must be one of slant, over-ground, not the text `ground`; did you mean `over-ground`?
-"""
-
-
-@pytest.mark.parametrize(("old", "new", "message"), edits(REFUSED))
-def test_lines_and_crowds_that_are_none_are_refused(old: str, new: str, message: str) -> None:
-    assert finding(track=edited(RICH, old, new)) == f"t.yaml:{message}"
-
-
-def test_a_gate_too_close_to_people_is_refused() -> None:
+def test_a_gate_may_stand_as_close_to_people_as_the_distance_says() -> None:
     """g0 at the origin, 21 m high; the stands pass it 485.071 m away, to the south."""
     assert course("crowd.stands.distance_m=485.5")  # hypot(485.071, 21) = 485.526
-    message = finding("crowd.stands.distance_m=485.6")
-    assert message == "t.yaml:11:3: gates.g0: is 485.5 m from the crowd `stands`, measured in space; at least 485.6 m"
-    message = finding("crowd.stands.distance_m=485.5", "crowd.stands.measured=over-ground")
-    assert message.endswith("is 485.1 m from the crowd `stands`, measured over ground; at least 485.5 m")
     assert course("crowd.stands.distance_m=495", "crowd.stands.height_m=120")  # hypot(485.071, 99) = 495.07
 
 
@@ -374,27 +308,6 @@ def test_the_season_can_be_set_on_the_command_line() -> None:
     assert course_with("rbar-2016", "rules=rbar-2010", "rules.n_z_max=11").rules.n_z.upper == 11.0
 
 
-@pytest.mark.parametrize(
-    ("rules", "message"),
-    [
-        ("rbr-2016", "t.yaml:3:8: rules.preset: unknown preset `rbr-2016`; did you mean `rbar-2016`? known are air-"),
-        ("{preset: fai}", "t.yaml:3:17: rules.preset: unknown preset `fai`; known are air-race-x-2024, rbar-2010, "),
-        ("2016", "t.yaml:3:8: rules: must be the name of a preset, or a mapping (`key: value` lines), not 2016"),
-        ("[a]", "t.yaml:3:8: rules: must be the name of a preset, or a mapping (`key: value` lines), not a list"),
-        ("{preset: 2016}", "t.yaml:3:17: rules.preset: must be text, not 2016; quote it if it is meant as text"),
-        (
-            "{floor_m: 5}",
-            "t.yaml:3:1: rules.n_z_max: missing; a rule book needs `n_z_max`: the largest load factor",
-        ),
-        ("{preset: rbar-2016, ceiling_m: 5}", "t.yaml:3:39: rules.ceiling_m: must be above the floor of 10 m"),
-    ],
-)
-def test_rules_that_are_none_are_refused(rules: str, message: str) -> None:
-    found = findings_of(with_rules(rules))
-    assert str(found[0]).startswith(message)
-    assert len(found) == 1
-
-
 # Bare names of gates
 
 
@@ -408,51 +321,3 @@ def test_bare_names_and_gates_that_were_set_can_be_reached_into() -> None:
     ]
     finished = understood(overrides=("course.finish=g2", "course.finish.direction=reverse")).race.course.passages[-1]
     assert (finished.name, finished.direction) == ("2:g2#2", Direction.REVERSE)
-
-
-def test_a_text_elsewhere_is_no_shorthand() -> None:
-    (finding,) = findings_of(edited(TRACK, "rules:", "origin: home\nrules:"))
-    assert str(finding) == "t.yaml:3:9: origin: must be a mapping (`key: value` lines), not the text `home`"
-
-
-@pytest.mark.parametrize(
-    ("override", "words"),
-    [
-        ("foo=1", "unknown key `foo`; known here: schema, name, "),
-        ("foo=1", ", course, aircraft., settings."),
-        ("setings.guess=plan", "unknown key `setings`; did you mean `settings.`?"),
-        ("aircaft.airframe.mass_kg=700", "did you mean `aircraft`?"),
-    ],
-)
-def test_a_key_that_no_track_knows_may_be_meant_for_another_document(override: str, words: str) -> None:
-    (finding,) = findings_of(overrides=(override,))
-    assert finding.file == "--set"
-    assert words in finding.message
-
-
-def test_a_key_in_a_file_is_not_meant_for_another_document() -> None:
-    (finding,) = findings_of(TRACK + "foo: 1\n")
-    assert finding.message.endswith("crowd, airspace, course")
-
-
-@pytest.mark.parametrize(
-    ("override", "said"),
-    [
-        ("obstacles.crane.height_m=null", "41:3: obstacles.crane.height_m: missing"),
-        ("obstacles.hall.width_m=null", "43:3: obstacles.hall.width_m: missing; a box has `length_m` and `width_m`"),
-        ("obstacles.hall.radius_m=3", "obstacles.hall.radius_m: not together with `length_m`"),
-        ("obstacles.crane.heading_deg=3", "obstacles.crane.length_m: missing; a box has"),
-        ("obstacles.crane.clearance_m=0", "obstacles.crane.clearance_m: must be at least 0.5 and at most 500"),
-        ("obstacles.silo.north_m=3", "obstacles.silo.north_m: the file gives this position by latitude"),
-    ],
-)
-def test_obstacles_that_are_none_are_refused(override: str, said: str) -> None:
-    found = findings_of(RICH + OBSTACLES, overrides=(override,))
-    assert said in "; ".join(map(str, found))
-
-
-def test_gates_do_not_stand_in_the_way_of_obstacles_nor_share_their_names() -> None:
-    (found,) = findings_of(RICH + OBSTACLES, overrides=("obstacles.crane.north_m=5", "obstacles.crane.east_m=0"))
-    assert "gates.g0: is 5 m from the obstacle `crane`; at least 10 m" in str(found)
-    (found,) = findings_of(RICH + OBSTACLES.replace("crane", "g0"))
-    assert "obstacles.g0: is the name of a gate, too" in str(found)

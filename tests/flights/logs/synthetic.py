@@ -174,3 +174,12 @@ def imported(text: str, penalties: Penalties = NONE_KNOWN, accuracy: float | Non
         return flight_from_log(
             read_log(path, ColumnLayout(accuracy=accuracy)), race(), label="log", penalties=penalties
         )
+
+
+def assert_same_flight(log: LogFlight, near: float = 0.002) -> None:
+    """The passings of the optimum, none of them missing, and no rule broken for certain."""
+    begin = known().passings["0:g0"]
+    assert {crossing.name for crossing in log.flight.crossings if crossing.found} == set(known().passings)
+    for crossing in log.flight.crossings:
+        assert abs(crossing.time - known().passings[crossing.name] + begin) <= near, crossing.name
+    assert [breach for breach in log.violations if breach.certain] == []

@@ -3,12 +3,13 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import BEGIN, Fixes, acmi_text, fixes, gpx_text, igc_text, known, on_globe, race
+from synthetic import BEGIN, Fixes, acmi_text, assert_same_flight, fixes, gpx_text, igc_text, known, on_globe, race
 
 from airrace.errors import InputError
 from airrace.files.inputs.log_columns import with_columns
@@ -49,15 +50,6 @@ def imported(folder: Path, content: str | bytes, name: str = "log.csv", columns:
     return flight_from_log(read_log(path, with_columns(ColumnLayout(), columns)), race(), label="log")
 
 
-def assert_same_flight(one: LogFlight, near: float = 0.002) -> None:
-    """The passings of the optimum, none of them missing, and no rule broken for certain."""
-    begin = known().passings["0:g0"]
-    assert {crossing.name for crossing in one.flight.crossings if crossing.found} == set(known().passings)
-    for crossing in one.flight.crossings:
-        assert crossing.time == pytest.approx(known().passings[crossing.name] - begin, abs=near)
-    assert [breach for breach in one.violations if breach.certain] == []
-
-
 def replaced(lines: Sequence[str], changes: dict[int, str]) -> list[str]:
     return [changes.get(row, line) for row, line in enumerate(lines)]
 
@@ -68,106 +60,216 @@ def moved(row: int, seconds: float) -> str:
     return f"{float(when) + seconds:.3f},{rest}"
 
 
+@dataclass(frozen=True)
+class Recording:
+    """A file of the known flight.
+
+    Attributes:
+        content: what is in it.
+        remark: a part of what is said of it, if anything is.
+        name: its name.
+        columns: the columns that are named, as `--column` takes them.
+        near: how near the passings come to those of the flight, s.
+    """
+
+    content: str | bytes
+    remark: str = ""
+    name: str = "log.csv"
+    columns: Sequence[str] = ()
+    near: float = 0.002
+
+
+def clocks(form: str, late: timedelta = timedelta()) -> list[str]:
+    """The times as a clock writes them."""
+    return [(time + late).strftime(form) for time in CLOCK]
+
+
+def over_midnight(hours: int) -> str:
+    """By the time of day, and once by a clock that is 13 hours behind."""
+    times = clocks("%H:%M:%S.%f", timedelta(hours=hours, seconds=-20))
+    times[700] = clocks("%H:%M:%S.%f", timedelta(hours=hours - 13, seconds=-20))[700]
+    return text(rows(times))
+
+
+def held(every: int) -> str:
+    """By a receiver at 10 or 4 Hz whose positions fill two or five rows, with angles that are fresh in each."""
+    last = np.arange(len(EXACT.time)) // every * every
+    lines = rows((), ALTITUDE[last], *ANGLES, places=(LATITUDE[last], LONGITUDE[last]))
+    return text(lines, f"{SHORT},roll,pitch,heading")
+
+
+def sampled(rows: slice) -> Fixes:
+    return Fixes(*(values[rows] for values in vars(EXACT).values()))
+
+
+def gpx(pattern: str, new: str, remark: str, count: int = 0) -> Recording:
+    """One whose text is changed."""
+    assert re.search(pattern, GPX)
+    return Recording(re.sub(pattern, new, GPX, count=count), remark, "log.gpx")
+
+
+def spoilt(changes: dict[int, str], remark: str) -> Recording:
+    """A table in which rows are replaced."""
+    return Recording(text(replaced(LINES, changes)), remark)
+
+
+def igc(lines: Sequence[str], remark: str) -> Recording:
+    return Recording("\n".join(lines), remark, "log.igc")
+
+
+def acmi(old: str, new: str) -> Recording:
+    assert old in ACMI
+    return Recording(ACMI.replace(old, new, 1), name="log.acmi")
+
+
 LINES = rows()
-BAD_ROWS: dict[str, tuple[list[str], str]] = {
-    "no time": (
-        [*LINES[:9], ",,,", " , , ,", *LINES[9:]],
+SHORT = "time,lat,lon,alt"
+IN_FEET = rows((), ALTITUDE / FOOT)
+IGC, GPX, ACMI = igc_text(EXACT).splitlines(), gpx_text(EXACT), acmi_text(EXACT)
+STEPS = ACMI.splitlines()
+PLAN = "<trk><name>plan</name><trkseg>" + '<trkpt lat="45.08" lon="13.62"></trkpt>' * 5 + "</trkseg></trk>"
+BEGINNING = gpx_text(sampled(slice(9))).partition("<trk>")[2].partition("</gpx>")[0]
+OTHER_TIME = "<extensions><time>2014-01-01T00:00:00Z</time><ele>9</ele></extensions></trkpt>"
+CARRIER = "301,Name=Carrier,Type=Sea+Watercraft+AircraftCarrier,T=0.6|0.1|0\n#1\n301,T=0.7|0.1|0\n"
+OTHER = "b,Name=Else,Type=Air+FixedWing,T=0.6|0.1|0\n#1\nb,T=0.7|0.1|0\n"
+NOTES = "0,Comments=first\\\n// second\\\nthird\na1,Name=Edge\\\n// no name\n540,"
+FIVE_A_SECOND = [
+    line[:-3] if line.startswith("B") else line.replace("I03", "I02").replace("4244TDS", "")
+    for line in igc_text(sampled(slice(13, None, 4))).splitlines()
+]
+UNFIT = "left out for times that do not fit those"
+AROUND = f"{UNFIT} around them"
+
+RECORDINGS: dict[str, Recording] = {
+    # rows that cannot be read
+    "no time": Recording(
+        text([*LINES[:9], ",,,", " , , ,", *LINES[9:]]),
         "2 samples are left out, the first one in line 11: `` is no time",
     ),
-    "dashes": (
-        replaced(LINES, {300: "---,---,---,---"}),
-        "1 sample is left out, the first one in line 302: `---` is no",
-    ),
-    "no number": (
-        replaced(LINES, {300: LINES[300].rpartition(",")[0] + ",N/A"}),
+    "dashes": spoilt({300: "---,---,---,---"}, "1 sample is left out, the first one in line 302: `---` is no"),
+    "no number": spoilt(
+        {300: LINES[300].rpartition(",")[0] + ",N/A"},
         "1 value of `altitude` is left out, the first one in line 302: `N/A` is no number",
     ),
-    "not finite": (
-        replaced(LINES, {300: "inf,1,2,3", 301: "nan,1,2,3"}),
-        "2 samples are left out, the first one in line",
+    "not finite": spoilt({300: "inf,1,2,3", 301: "nan,1,2,3"}, "2 samples are left out, the first one in line"),
+    "headers again": Recording(text([*LINES[:600], ",".join(HEADERS), *LINES[600:]]), "line 602: `time` is no time"),
+    "a quote that does not end": Recording(
+        text([*LINES[:600], '"12.3,45.0', *LINES[600:]]), "line 602: `12.3,45.0` is no time"
     ),
-    "headers again": ([*LINES[:600], ",".join(HEADERS), *LINES[600:]], "line 602: `time` is no time"),
-    "a quote that does not end": ([*LINES[:600], '"12.3,45.0', *LINES[600:]], "line 602: `12.3,45.0` is no time"),
-    "zeros behind the end": ([*LINES, "\0" * 4000], "1 sample is left out, the first one in line"),
-    "a time that runs back": (
-        replaced(LINES, {500: moved(500, -3.0)}),
-        "1 sample is left out for times that do not fit those",
+    "zeros behind the end": Recording(text([*LINES, "\0" * 4000]), "1 sample is left out, the first one in line"),
+    "a time that runs back": spoilt({500: moved(500, -3.0)}, f"1 sample is {UNFIT}"),
+    "a time that runs ahead": spoilt({500: moved(500, 900.0)}, f"1 sample is {UNFIT}"),
+    "two rows in the wrong order": spoilt({500: LINES[501], 501: LINES[500]}, "1 sample is left out for times"),
+    "many times that run ahead": spoilt(
+        {row: moved(row, 3600.0) for row in range(1200, 1240)}, f"40 samples are {AROUND}, the first one in line 1202"
     ),
-    "a time that runs ahead": (
-        replaced(LINES, {500: moved(500, 900.0)}),
-        "1 sample is left out for times that do not fit those",
+    "recorded twice": Recording(
+        text([*LINES, *LINES]), "time runs backwards for good in line 1273: only the longest part is read"
     ),
-    "two rows in the wrong order": (
-        replaced(LINES, {500: LINES[501], 501: LINES[500]}),
-        "1 sample is left out for times",
-    ),
-    "many times that run ahead": (
-        replaced(LINES, {row: moved(row, 3600.0) for row in range(1200, 1240)}),
-        "40 samples are left out for times that do not fit those around them, the first one in line 1202",
-    ),
-    "recorded twice": ([*LINES, *LINES], "time runs backwards for good in line 1273: only the longest part is read"),
-    "the last time far ahead": ([*LINES, "1e9,45.08,13.6,20"], "positions come at 20 Hz"),
-    "heights of zero": (
-        [line if not 300 < row < 400 else line.rpartition(",")[0] + ",0" for row, line in enumerate(LINES)],
+    "the last time far ahead": Recording(text([*LINES, "1e9,45.08,13.6,20"]), "positions come at 20 Hz"),
+    "heights of zero": spoilt(
+        {row: LINES[row].rpartition(",")[0] + ",0" for row in range(301, 400)},
         "99 heights are missing (zero), the first one in line 303",
     ),
-}
-
-
-@pytest.mark.parametrize("kind", BAD_ROWS)
-def test_rows_that_cannot_be_read_are_left_out_and_reported(tmp_path: Path, kind: str) -> None:
-    lines, said = BAD_ROWS[kind]
-    one = imported(tmp_path, text(lines))
-    assert_same_flight(one)
-    assert any(said in remark for remark in one.remarks), one.remarks
-
-
-HEADS: dict[str, tuple[str | bytes, Sequence[str]]] = {
-    "units below": (text(["s,deg,deg,ft", *rows((), ALTITUDE / FOOT)]), ()),
-    "units above": ("#s, degrees, degrees, ft msl\n" + text(rows((), ALTITUDE / FOOT)), ()),
-    "a second row of headers": (text(["Lcl Time,Lat,Lon,AltGPS", *LINES]), ()),
-    "a preamble": ('"Format","X"\n"Comment","a, b"\n\n' + text(LINES), ()),
-    "behind a hash": ("# made by hand\n# " + text(LINES), ()),
-    "behind a hash, with blanks between": ("# " + text(LINES).replace(",", " "), ()),
-    "a preamble before named columns": (
+    # headers where recorders put them
+    "units below": Recording(text(["s,deg,deg,ft", *IN_FEET])),
+    "units above": Recording("#s, degrees, degrees, ft msl\n" + text(IN_FEET)),
+    "a second row of headers": Recording(text(["Lcl Time,Lat,Lon,AltGPS", *LINES])),
+    "a preamble": Recording('"Format","X"\n"Comment","a, b"\n\n' + text(LINES)),
+    "behind a hash": Recording("# made by hand\n# " + text(LINES)),
+    "behind a hash, with blanks between": Recording("# " + text(LINES).replace(",", " ")),
+    "a preamble before named columns": Recording(
         '"Session","4"\n"Time","GPS Lat","GPS Lon","GPS Alt"\n"sec","deg","deg","m"\n\n' + "\n".join(LINES),
-        ("time=Time", "latitude=GPS Lat", "longitude=GPS Lon", "altitude=GPS Alt"),
+        columns=("time=Time", "latitude=GPS Lat", "longitude=GPS Lon", "altitude=GPS Alt"),
     ),
-    "copied as they stand": (
+    "copied as they stand": Recording(
         text(
-            rows([f"{one:%H:%M:%S.%f}" for one in CLOCK], ALTITUDE / FOOT),
+            rows(clocks("%H:%M:%S.%f"), ALTITUDE / FOOT),
             "UTC Time (hh:mm:ss),Latitude (deg),Longitude (deg),GPS Altitude (ft)",
         ),
-        (
-            "time=UTC Time (hh:mm:ss)",
-            "latitude=Latitude (deg)",
-            "longitude=Longitude",
-            "altitude=GPS Altitude (ft)",
+        columns=(
+            *("time=UTC Time (hh:mm:ss)", "latitude=Latitude (deg)"),
+            *("longitude=Longitude", "altitude=GPS Altitude (ft)"),
         ),
     ),
+    # encodings and ends of lines
+    "UTF-16": Recording(text(LINES).encode("utf-16")),
+    "UTF-16 without a mark": Recording(text(LINES).encode("utf-16-be")),
+    "UTF-16 with commas": Recording(text(LINES).replace(",", ";").replace(".", ",").encode("utf-16-le")),
+    "Latin-1": Recording(("Höhe in °\n" + text(LINES)).encode("latin-1")),
+    "old Macs": Recording(text(LINES).replace("\n", "\r")),
+    "Windows": Recording(text(LINES).replace("\n", "\r\n").encode("utf-8-sig")),
+    # clocks
+    "twelve hours": Recording(text(rows(clocks("%I:%M:%S.%f PM")))),
+    "whole seconds": Recording(text(rows(clocks("%H:%M:%S")))),
+    "seconds that are none": Recording(
+        text(rows(clocks("%Y-%m-%d %H:%M:%S.%f", timedelta(minutes=-16)))).replace("13:44:30.0", "13:43:90.0")
+    ),
+    "a second after the 59th": Recording(
+        text(rows([time.replace("T14:00:00.", "T13:59:60.") for time in clocks("2016-12-31T%H:%M:%S.%fZ")]))
+    ),
+    "a time that is wrong": Recording(over_midnight(0), "1 sample is left out for times"),
+    "midnight, and a time that is wrong": Recording(over_midnight(10), "1 sample is left out for times"),
+    # positions and angles
+    "positions held over two rows": Recording(held(2), "positions are held over"),
+    "positions held over five rows": Recording(held(5), "positions are held over"),
+    "angles in radians": Recording(
+        text(rows((), ALTITUDE, *map(np.radians, ANGLES)), f"{SHORT},roll,pitch,heading"), "angles are taken in radians"
+    ),
+    # IGC
+    "no A record": igc(IGC[1:], "positions come at 20 Hz"),
+    "a line that is cut": igc(
+        replaced(IGC, {500: IGC[500][:20]}), "1 fix is left out, the first one in line 501: is no fix"
+    ),
+    "no time of day": igc(replaced(IGC, {500: "B99" + IGC[500][3:]}), "1 fix is left out, the first one in line 501"),
+    "a false midnight": igc(replaced(IGC, {500: "B01" + IGC[500][3:]}), f"1 sample is {UNFIT}"),
+    "fixes that are not valid": igc(
+        [line.replace("EA", "EV") if row % 40 == 20 else line for row, line in enumerate(IGC)],
+        "fixes are left out as not valid (`V`)",
+    ),
+    "no date": igc(replaced(IGC, {1: "HFDTE993414"}), "993414 is no date"),
+    "no heights at times": igc(
+        [line[:30] + "00000" + line[35:] if 500 < row < 600 else line for row, line in enumerate(IGC)],
+        "99 fixes are without a height of the satellites",
+    ),
+    "no heights of satellites": igc(
+        [line[:30] + "00000" + line[35:] if line.startswith("B") else line for line in IGC],
+        "heights are those of the barometer",
+    ),
+    "five fixes of one second": Recording("\n".join(FIVE_A_SECOND), "5 samples share each time", "log.igc", near=0.01),
+    # GPX
+    "a plan": gpx(
+        "<trk>", f"{PLAN}<trk>", "5 points are left out, the first one in line 2: a point of the track has no"
+    ),
+    "a point without a time": gpx("<time>[^<]*:10.0[^<]*</time>", "", "1 point is left out", 1),
+    "a time among extensions": gpx("</trkpt>", OTHER_TIME, "20 Hz"),
+    "a leap second": gpx("14:00:20.0", "14:00:60.0", AROUND),
+    "no latitude": gpx('lat="45', 'lat="x', "1 value of `lat` is left out, the first one in line 3", 1),
+    "another track": gpx("<trk>", f"<trk>{BEGINNING}<trk>", "track 2 is taken, which passes the course"),
+    **{
+        f"GPX in {name}": Recording(GPX.replace('"1.0"?>', f'"1.0" encoding="{name}"?>').encode(name), name="log.gpx")
+        for name in ("utf-16", "shift_jis", "euc_kr", "windows-1252", "gb18030")
+    },
+    # ACMI
+    "a ship": acmi("a1,Name", f"{CARRIER}a1,Name"),
+    "another aircraft": acmi("a1,Name", f"{OTHER}a1,Name"),
+    "texts of several lines": acmi("a1,Name=Edge 540,", NOTES),
+    "damaged places": Recording(
+        "\n".join([*STEPS[:400], "a1,T=x|1|2", "a1,T=1|2", "#z", *STEPS[400:]]), "", "log.acmi"
+    ),
+    "a step that runs back": acmi(STEPS[400], "#3"),
 }
+"""Faults and habits of recorders, after which the flight is the same."""
 
 
-@pytest.mark.parametrize("kind", HEADS)
-def test_headers_are_found_where_recorders_put_them(tmp_path: Path, kind: str) -> None:
-    content, columns = HEADS[kind]
-    assert_same_flight(imported(tmp_path, content, columns=columns))
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        text(LINES).encode("utf-16"),
-        text(LINES).encode("utf-16-be"),
-        text(LINES).replace(",", ";").replace(".", ",").encode("utf-16-le"),
-        ("Höhe in °\n" + text(LINES)).encode("latin-1"),
-        text(LINES).replace("\n", "\r").encode(),
-        text(LINES).replace("\n", "\r\n").encode("utf-8-sig"),
-    ],
-    ids=["UTF-16", "UTF-16 without a mark", "UTF-16 with commas", "Latin-1", "old Macs", "Windows"],
-)
-def test_encodings_and_ends_of_lines_are_found_out(tmp_path: Path, content: bytes) -> None:
-    assert_same_flight(imported(tmp_path, content))
+@pytest.mark.parametrize("kind", RECORDINGS)
+def test_a_flight_is_the_same_whatever_its_recorder_does_and_what_is_left_out_is_reported(
+    tmp_path: Path, kind: str
+) -> None:
+    recording = RECORDINGS[kind]
+    flown = imported(tmp_path, recording.content, recording.name, recording.columns)
+    assert_same_flight(flown, recording.near)
+    assert not recording.remark or any(recording.remark in remark for remark in flown.remarks), flown.remarks
 
 
 @pytest.mark.parametrize(
@@ -206,48 +308,6 @@ def test_heights_of_another_zero_accuse_nobody(tmp_path: Path) -> None:
     assert not any(breach.certain for breach in one.violations)
 
 
-@pytest.mark.parametrize(
-    "times",
-    [
-        [f"{one:%I:%M:%S.%f} PM" for one in CLOCK],
-        [f"{one:%H:%M:%S}" for one in CLOCK],
-        [f"{one - timedelta(minutes=16):%Y-%m-%d %H:%M:%S.%f}".replace("13:44:30.0", "13:43:90.0") for one in CLOCK],
-    ],
-    ids=["twelve hours", "whole seconds", "seconds that are none"],
-)
-def test_clocks_are_understood(tmp_path: Path, times: list[str]) -> None:
-    assert_same_flight(imported(tmp_path, text(rows(times))))
-
-
-@pytest.mark.parametrize("hours", [0, 10])
-def test_a_clock_passes_midnight_once_and_not_for_a_time_that_is_wrong(tmp_path: Path, hours: int) -> None:
-    times = [one + timedelta(hours=hours) - timedelta(seconds=20.0) for one in CLOCK]
-    written = [f"{one:%H:%M:%S.%f}" for one in times]
-    written[700] = f"{times[700] - timedelta(hours=13):%H:%M:%S.%f}"
-    one = imported(tmp_path, text(rows(written)))
-    assert_same_flight(one)
-    assert any("1 sample is left out for times" in remark for remark in one.remarks)
-
-
-def test_a_leap_second_is_the_second_behind(tmp_path: Path) -> None:
-    times = [f"2016-12-31T{one:%H:%M:%S.%f}Z" for one in CLOCK]
-    leap = [one.replace("14:00:10.", "14:00:09.").replace("14:00:09.", "14:00:60.") for one in times[:1]]
-    assert_same_flight(imported(tmp_path, text(rows([*leap, *times[1:]]))))
-    text_ = "time,x,y,height\n2016-12-31T23:59:59Z,1,2,3\n2016-12-31T23:59:60Z,1,2,3\n2017-01-01T00:00:01Z,1,2,3\n"
-    (tmp_path / "leap.csv").write_text(text_)
-    assert read_log(tmp_path / "leap.csv").time.tolist() == [0.0, 1.0, 2.0]
-
-
-@pytest.mark.parametrize("every", [2, 5])
-def test_held_positions_count_once(tmp_path: Path, every: int) -> None:
-    """A receiver at 10 or 4 Hz whose positions fill two or five rows, with angles that are fresh in each."""
-    last = np.arange(len(EXACT.time)) // every * every
-    held = rows((), ALTITUDE[last], *ANGLES, places=(LATITUDE[last], LONGITUDE[last]))
-    one = imported(tmp_path, text(held, "time,lat,lon,alt,roll,pitch,heading"))
-    assert_same_flight(one)
-    assert any("positions are held over" in remark for remark in one.remarks)
-
-
 def test_rows_between_positions_tell_the_attitude(tmp_path: Path) -> None:
     lines = rows((), ALTITUDE, *ANGLES)
     sparse = [
@@ -269,12 +329,6 @@ def test_a_roll_without_heading_is_the_bank_as_far_as_it_is_recorded(tmp_path: P
         true = known().at("mu", np.array([known().passings[crossing.name] for crossing in made]))
         off = np.angle(np.exp(1j * (np.array([crossing.value("mu") for crossing in made]) - true)))
         assert np.degrees(np.abs(off)).max() < 2.0
-
-
-def test_angles_in_radians_are_found_out(tmp_path: Path) -> None:
-    one = imported(tmp_path, text(rows((), ALTITUDE, *map(np.radians, ANGLES)), "time,lat,lon,alt,roll,pitch,heading"))
-    assert_same_flight(one)
-    assert any("angles are taken in radians" in remark for remark in one.remarks)
 
 
 @pytest.mark.parametrize("digits", [(8, 0), (6, 1), (5, 0)])
@@ -309,42 +363,6 @@ def test_a_log_that_begins_late_has_no_start(tmp_path: Path) -> None:
     assert math.isnan(one.flight.race_time)
 
 
-IGC = igc_text(EXACT).splitlines()
-BAD_FIXES: dict[str, tuple[list[str], str]] = {
-    "no A record": (IGC[1:], "positions come at 20 Hz"),
-    "a line that is cut": (
-        replaced(IGC, {500: IGC[500][:20]}),
-        "1 fix is left out, the first one in line 501: is no fix",
-    ),
-    "no time of day": (replaced(IGC, {500: "B99" + IGC[500][3:]}), "1 fix is left out, the first one in line 501"),
-    "a false midnight": (
-        replaced(IGC, {500: "B01" + IGC[500][3:]}),
-        "1 sample is left out for times that do not fit those",
-    ),
-    "fixes that are not valid": (
-        [line.replace("EA", "EV") if row % 40 == 20 else line for row, line in enumerate(IGC)],
-        "fixes are left out as not valid (`V`)",
-    ),
-    "no date": (replaced(IGC, {1: "HFDTE993414"}), "993414 is no date"),
-    "no heights at times": (
-        [line[:30] + "00000" + line[35:] if 500 < row < 600 else line for row, line in enumerate(IGC)],
-        "99 fixes are without a height of the satellites",
-    ),
-    "no heights of satellites": (
-        [line[:30] + "00000" + line[35:] if line.startswith("B") else line for line in IGC],
-        "heights are those of the barometer",
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", BAD_FIXES)
-def test_fixes_that_cannot_be_true_are_left_out_and_reported(tmp_path: Path, kind: str) -> None:
-    lines, said = BAD_FIXES[kind]
-    one = imported(tmp_path, "\n".join(lines), "log.igc")
-    assert_same_flight(one)
-    assert any(said in remark for remark in one.remarks), one.remarks
-
-
 def test_the_first_date_counts_for_the_first_fix(tmp_path: Path) -> None:
     lines = igc_text(EXACT).replace("B13", "B23").replace("B14", "B00").splitlines()
     first = next(row for row, line in enumerate(lines) if line.startswith("B00"))
@@ -352,60 +370,6 @@ def test_the_first_date_counts_for_the_first_fix(tmp_path: Path) -> None:
     assert_same_flight(one)
     assert one.recording.begins is not None
     assert one.recording.begins.replace(microsecond=0, tzinfo=None) == datetime(2014, 4, 13, 23, 59, 54)
-
-
-def test_fixes_that_share_a_second_are_spread_over_it(tmp_path: Path) -> None:
-    seen = Fixes(*(one[13::4] for one in vars(EXACT).values()))  # five in every second
-    lines = [
-        line[:-3] if line.startswith("B") else line.replace("I03", "I02").replace("4244TDS", "")
-        for line in igc_text(seen).splitlines()
-    ]
-    one = imported(tmp_path, "\n".join(lines), "log.igc")
-    assert any("5 samples share each time" in remark for remark in one.remarks)
-    assert_same_flight(one, 0.01)
-
-
-GPX = gpx_text(EXACT)
-PLAN = "<trk><name>plan</name><trkseg>" + '<trkpt lat="45.08" lon="13.62"></trkpt>' * 5 + "</trkseg></trk>"
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (
-            GPX.replace("<trk>", f"{PLAN}<trk>"),
-            "5 points are left out, the first one in line 2: a point of the track has no",
-        ),
-        (re.sub("<time>[^<]*:10.0[^<]*</time>", "", GPX, count=1), "1 point is left out"),
-        (
-            GPX.replace("</trkpt>", "<extensions><time>2014-01-01T00:00:00Z</time><ele>9</ele></extensions></trkpt>"),
-            "20 Hz",
-        ),
-        (GPX.replace("14:00:20.0", "14:00:60.0"), "left out for times that do not fit those around them"),
-        (GPX.replace('lat="45', 'lat="x', 1), "1 value of `lat` is left out, the first one in line 3"),
-        (
-            GPX.replace(
-                "<trk>",
-                gpx_text(Fixes(*(one[:9] for one in vars(EXACT).values())))
-                .partition("<trk>")[2]
-                .partition("</gpx>")[0]
-                .join(("<trk>", "<trk>")),
-            ),
-            "track 2 is taken, which passes the course",
-        ),
-    ],
-    ids=["a plan", "no time", "extensions", "a leap second", "no latitude", "another track"],
-)
-def test_points_that_are_none_are_passed_over(tmp_path: Path, content: str, said: str) -> None:
-    one = imported(tmp_path, content, "log.gpx")
-    assert_same_flight(one)
-    assert any(said in remark for remark in one.remarks), one.remarks
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "shift_jis", "euc_kr", "windows-1252", "gb18030"])
-def test_declared_encodings_are_read(tmp_path: Path, encoding: str) -> None:
-    content = GPX.replace('<?xml version="1.0"?>', f'<?xml version="1.0" encoding="{encoding}"?>')
-    assert_same_flight(imported(tmp_path, content.encode(encoding), "log.gpx"))
 
 
 @pytest.mark.parametrize("encoding", ["foo", "utf-32", "zlib"])
@@ -418,25 +382,3 @@ def test_a_track_that_is_cut_ends_there(tmp_path: Path) -> None:
     one = imported(tmp_path, GPX[: len(GPX) * 2 // 3], "log.gpx")
     assert math.isnan(one.flight.race_time)
     assert any("is no XML: unclosed token" in remark for remark in one.remarks)
-
-
-ACMI = acmi_text(EXACT)
-STEPS = ACMI.splitlines()
-CARRIER = "301,Name=Carrier,Type=Sea+Watercraft+AircraftCarrier,T=0.6|0.1|0\n"
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        ACMI.replace("a1,Name", f"{CARRIER}#1\n301,T=0.7|0.1|0\na1,Name", 1),
-        ACMI.replace("a1,Name", "b,Name=Else,Type=Air+FixedWing,T=0.6|0.1|0\n#1\nb,T=0.7|0.1|0\na1,Name", 1),
-        ACMI.replace(
-            "a1,Name=Edge 540,", "0,Comments=first\\\n// second\\\nthird\na1,Name=Edge\\\n// no name\n540,", 1
-        ),
-        "\n".join([*STEPS[:400], "a1,T=x|1|2", "a1,T=1|2", "#z", *STEPS[400:]]),
-        "\n".join([*STEPS[:400], "#3", STEPS[401], *STEPS[402:]]),
-    ],
-    ids=["a ship", "another aircraft", "texts of several lines", "damaged places", "a time that runs back"],
-)
-def test_the_aircraft_that_passes_the_course_is_found(tmp_path: Path, content: str) -> None:
-    assert_same_flight(imported(tmp_path, content, "log.acmi"))
