@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from airrace.procedure.stage import STAGES
+from airrace.runtime.extensions import installed_aircraft
 from airrace.runtime.resources import shipped_folder
 
 
@@ -27,7 +28,9 @@ COMPLETIONS = {"tracks": complete_track, "configs": complete_aircraft, "stages":
 
 
 def _complete(shipped: str, incomplete: str) -> list[str]:
-    names = [name for file in shipped_folder(shipped).glob("*.yaml") if (name := file.stem).startswith(incomplete)]
+    known = {file.stem for file in shipped_folder(shipped).glob("*.yaml")}
+    known |= installed_aircraft().keys() if shipped == "configs" else set()
+    names = [name for name in known if name.startswith(incomplete)]
     folder, begin = os.path.split(incomplete)
     typed = incomplete.removesuffix(begin)
     try:

@@ -4,8 +4,12 @@ Symbols follow the flight model; SI and radians. Limits are not among the parame
 bounds of states, controls and path quantities.
 """
 
+import functools
 from dataclasses import dataclass
+from types import new_class
+from typing import Any, ClassVar, TypeVar, cast
 
+from airrace.model.splines import Table
 from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 
 
@@ -181,10 +185,29 @@ class Envelope:
 
 
 @dataclass(frozen=True)
+class AerodynamicTables:
+    """Tables that take the place of formulas; None where the formula holds.
+
+    Attributes:
+        lift: `C_L` over alpha_A (rad) with neutral controls and without rotation, of six degrees of freedom; the
+            linear models keep `C_L0` and `C_Lalpha`.
+        drag: `C_D` without sideslip over `C_L` and the Reynolds number of the mean chord.
+        thrust: N, at full throttle over V_A (m/s) and density (kg/m3).
+        chord: of the Reynolds number, m.
+    """
+
+    lift: Table | None
+    drag: Table | None
+    thrust: Table | None
+    chord: float
+
+
+@dataclass(frozen=True)
 class Aircraft:
     """An aircraft, complete for a race.
 
-    `propeller` is None if it has no effect but thrust, `linear` if the linear inner loops follow from the derivatives.
+    `propeller` is None if it has no effect but thrust, `linear` if the linear inner loops follow from the derivatives,
+    `tables` if all formulas hold.
     """
 
     name: str
@@ -201,11 +224,17 @@ class Aircraft:
     envelope: Envelope
     propeller: Propeller | None = None
     linear: LinearLoops | None = None
+    tables: AerodynamicTables | None = None
 
 
 @vector
 class AircraftParameters(Vector[T]):
-    """The mass, size, drag, side force and propulsion of an aircraft."""
+    """The mass, size, drag, side force and propulsion of an aircraft.
+
+    `tables` belongs to the class: equations are made for the numbers of a class, and depend on its tables.
+    """
+
+    tables: ClassVar[AerodynamicTables | None] = None
 
     m: T = quantity("kg", scale=1000.0, text="mass")
     S: T = quantity("m2", scale=10.0, text="wing area")
@@ -261,12 +290,24 @@ class InnerLoopParameters(AircraftParameters[T]):
     Q_P: T = quantity("N m", scale=1000.0, text="torque of the propeller at full power at sea level, about -x_B")
 
 
+Parameters = TypeVar("Parameters", bound=AircraftParameters[Any])
+
+
+@functools.lru_cache(maxsize=32)
+def with_tables(kind: type[Parameters], tables: AerodynamicTables | None) -> type[Parameters]:
+    """Return the class of the numbers of an aircraft with tables, one for each set of tables."""
+    if tables is None:
+        return kind
+    return cast("type[Parameters]", new_class(kind.__name__, (kind,), {}, lambda body: body.update(tables=tables)))
+
+
 def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
     """Return the numbers of one aircraft, with `C_Y_trim = C_Ybeta - C_Yzeta C_nbeta / C_nzeta`."""
     side, yaw, drag = aircraft.side_force, aircraft.yaw, aircraft.drag
     propulsion, propeller = aircraft.propulsion, aircraft.propeller
     P = propulsion.eta_p * propulsion.P_max
-    return InnerLoopParameters(
+    kind = with_tables(InnerLoopParameters[float], aircraft.tables)
+    return kind(
         **vars(aircraft.airframe),
         **vars(aircraft.lift),
         **vars(side),
@@ -289,4 +330,5 @@ def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
 def aircraft_parameters(aircraft: Aircraft) -> AircraftParameters[float]:
     """Return those numbers of one aircraft that the point mass needs."""
     numbers = inner_loop_parameters(aircraft)
-    return AircraftParameters(**{name: getattr(numbers, name) for name in AircraftParameters.names()})
+    kind = with_tables(AircraftParameters[float], aircraft.tables)
+    return kind(**{name: getattr(numbers, name) for name in AircraftParameters.names()})

@@ -1,23 +1,36 @@
-"""Extensions: Python files of the user that add a fidelity or a kind of gate to airrace.
+"""Extensions: Python files of the user, and modules of installed packages, that add to what airrace knows.
 
-The environment variable `AIRRACE_EXTENSIONS` names Python files, separated like the folders of `PATH`. They are run
-once, when a list that they can add to is first read, so the command line, its child processes and a notebook all know
-what they add. In Python a file that adds to a list can also just be imported.
+The environment variable `AIRRACE_EXTENSIONS` names Python files, separated like the folders of `PATH`. An installed
+package names its modules as entry points:
+
+    [project.entry-points."airrace.limits"]
+    energy_height = "my_limits"
+
+Both are run once, when a list that they can add to is first read, so the command line, its child processes and a
+notebook all know what they add. In Python a file that adds to a list can also just be imported.
 """
 
+import functools
 import hashlib
 import importlib.util
 import os
 import sys
 import traceback
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from airrace.errors import AirraceError, UsageError, is_lack_of_memory
 from airrace.runtime import interrupts
 
 VARIABLE = "AIRRACE_EXTENSIONS"
+GROUPS = ("airrace.gates", "airrace.fidelities", "airrace.exports", "airrace.limits")
+"""The groups of entry points that name modules, each of which registers what it adds when it is imported."""
+AIRCRAFT = "airrace.aircraft"
+"""The group of entry points that are aircraft: `NAME = "package"` is the file `NAME.yaml` in a package's folder."""
 
-_loaded: set[Path] = set()
+_loaded: set[Path | EntryPoint] = set()
 
 
 def extensions() -> list[Path]:
@@ -25,35 +38,92 @@ def extensions() -> list[Path]:
     return [Path(text).resolve() for text in os.environ.get(VARIABLE, "").split(os.pathsep) if text]
 
 
-def extension_versions() -> dict[str, str]:
-    """Return the first 12 hexadecimal digits of each file's sha256, by the file's name.
+@functools.cache
+def installed_extensions() -> tuple[EntryPoint, ...]:
+    """Return the entry points of installed packages that name modules, in the order of groups and names."""
+    return tuple(point for group in GROUPS for point in sorted(entry_points(group=group), key=lambda point: point.name))
 
-    A result that was computed with another content of a file is another result.
+
+@functools.cache
+def installed_aircraft() -> dict[str, Path]:
+    """Return the files of the aircraft of installed packages by name.
+
+    Raises:
+        UsageError: a package that should have one has none, or two have one of the same name.
     """
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:12] for path in extensions() if path.is_file()}
+    files: dict[str, Path] = {}
+    for point in entry_points(group=AIRCRAFT):
+        with named_errors(_origin(point), Path()):
+            spec = importlib.util.find_spec(point.value)
+        folders = [] if spec is None else spec.submodule_search_locations or [str(Path(spec.origin or "").parent)]
+        found = [file for folder in folders if (file := Path(folder) / f"{point.name}.yaml").is_file()]
+        if not found:
+            raise UsageError(f"{_origin(point)}, in whose folder there is no file {point.name}.yaml")
+        if point.name in files:
+            raise UsageError(f"{_origin(point)}, and there is an aircraft of this name in {files[point.name].parent}")
+        files[point.name] = found[0]
+    return files
+
+
+def extension_versions() -> dict[str, str]:
+    """Return the first 12 hexadecimal digits of the sha256 of each extension's file, by its name.
+
+    A result that was computed with another content of a file is another result. A module of an installed package has
+    the name `package:module`, and the package's version before the digits.
+    """
+    versions = {path.name: _digits(path) for path in extensions() if path.is_file()}
+    for point in installed_extensions():
+        spec = importlib.util.find_spec(point.module)
+        if spec is not None and spec.origin is not None and point.dist is not None:
+            digits = _digits(Path(spec.origin))
+            versions[f"{point.dist.name}:{point.module}"] = f"{point.dist.version}, {digits}"
+    return versions
+
+
+def _digits(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
 
 
 def load_extensions() -> None:
-    """Run the files that the environment names, each of them once per process.
+    """Run the files that the environment names and import the modules of installed packages, each once per process.
 
     Raises:
-        UsageError: a file does not exist, is no Python file, or fails.
+        UsageError: a file does not exist, is no Python file, or fails; or a module fails.
     """
     for path in extensions():
-        if path in _loaded:
-            continue
-        _loaded.add(path)  # before it runs, for the list that it adds to loads extensions, too
-        try:
-            _run(path)
-        except BaseException as error:
-            _loaded.discard(path)
-            if isinstance(error, AirraceError) or interrupts.caused(error) or is_lack_of_memory(error):
-                raise
-            ending = isinstance(error, SystemExit)
-            cause = (
-                "it ends the program, which an extension must not do" if ending else f"{type(error).__name__}: {error}"
-            )
-            raise UsageError(f"{VARIABLE} names {path}, which fails{_place(error, path)}: {cause}") from error
+        _load_once(path, f"{VARIABLE} names {path}", path, functools.partial(_run, path))
+    for point in installed_extensions():
+        _load_once(point, _origin(point), Path(), point.load)
+
+
+def _load_once(key: Path | EntryPoint, origin: str, path: Path, load: Callable[[], object]) -> None:
+    if key in _loaded:
+        return
+    _loaded.add(key)  # before it runs, for the list that it adds to loads extensions, too
+    try:
+        with named_errors(origin, path):
+            load()
+    except BaseException:
+        _loaded.discard(key)
+        raise
+
+
+@contextmanager
+def named_errors(origin: str, path: Path) -> Generator[None]:
+    """Raise whatever an extension raises as an error of the user's that names it, and the line of its file."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, AirraceError) or interrupts.caused(error) or is_lack_of_memory(error):
+            raise
+        ending = isinstance(error, SystemExit)
+        cause = "it ends the program, which an extension must not do" if ending else f"{type(error).__name__}: {error}"
+        raise UsageError(f"{origin}, which fails{_place(error, path)}: {cause}") from error
+
+
+def _origin(point: EntryPoint) -> str:
+    package = "an installed package" if point.dist is None else f"the package {point.dist.name}"
+    return f"{package} has the entry point {point.group}: {point.name} = {point.value}"
 
 
 def _place(error: BaseException, path: Path) -> str:

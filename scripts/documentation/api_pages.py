@@ -8,10 +8,11 @@ MODULES = {
     "Exports": ("airrace.files.export",),
     "Sensitivities": ("airrace.flights.sensitivity",),
     "Checkpoints": ("airrace.files.checkpoint",),
-    "Fidelities and kinds of gates": (
+    "Fidelities, kinds of gates and limits": (
         "airrace.procedure.fidelity",
         "airrace.model.track.element",
         "airrace.files.inputs.kinds.kind",
+        "airrace.model.dynamics.own_limits",
     ),
     "Problems of one's own": (
         "airrace.optimal_control.definition",

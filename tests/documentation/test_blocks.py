@@ -69,7 +69,7 @@ def parse(words: list[str]) -> None:
 
 
 def test_no_block_is_in_a_language_that_no_test_reads_and_scripts_that_the_pages_run_exist() -> None:
-    assert languages() <= {"python", "yaml", "sh", "diff"}
+    assert languages() <= {"python", "yaml", "sh", "diff", "toml"}
     texts = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     scripts = set(re.findall(r"python ((?:scripts|tests)/[\w/]+\.py)", texts))
     assert len(scripts) > 5

@@ -5,6 +5,7 @@ Derivatives carry their symbol and no unit: they are per radian, rates are made 
 """
 
 import math
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -13,6 +14,7 @@ from pydantic import Field
 from airrace.files.inputs.nodes import Reporter
 from airrace.files.inputs.schema import Schema, optional
 from airrace.model.aircraft import (
+    AerodynamicTables,
     Aircraft,
     Airframe,
     Drag,
@@ -31,6 +33,7 @@ from airrace.model.aircraft import (
 )
 from airrace.model.dynamics.handling import faults
 from airrace.model.environment import RHO_ISA, g0
+from airrace.model.splines import Table
 from airrace.optimal_control.quantities import Interval
 
 Derivative = Annotated[float, Ge(-100), Le(100)]
@@ -202,6 +205,41 @@ class PublishedEntry(Schema):
     turn: Annotated[float, Gt(1), Le(25)] | None = optional("of the tightest level turn that is held", "n_z_turn")
 
 
+Row = Annotated[list[float], Field(min_length=1, max_length=30)]
+Knots = Annotated[list[float], Field(min_length=1, max_length=30)]
+
+
+class LiftTableEntry(Schema):
+    what: ClassVar[str] = "a table of lift"
+    alpha_deg: Knots = Field(description="angles of attack, increasing")
+    C_L: Row = Field(description="lift coefficient at each of them")
+
+
+class DragTableEntry(Schema):
+    what: ClassVar[str] = "a table of drag"
+    C_L: Knots = Field(description="lift coefficients, increasing")
+    Re: Knots = Field(description="Reynolds numbers of the mean chord, increasing")
+    C_D: Annotated[list[Row], Field(max_length=30)] = Field(
+        description="drag coefficient without sideslip: a row for each C_L, a column for each Re"
+    )
+
+
+class ThrustTableEntry(Schema):
+    what: ClassVar[str] = "a table of thrust"
+    speed_m_s: Knots = Field(description="airspeeds, increasing")
+    density_kg_m3: Knots = Field(description="densities of the air, increasing")
+    thrust_N: Annotated[list[Row], Field(max_length=30)] = Field(
+        description="thrust at full throttle: a row for each airspeed, a column for each density"
+    )
+
+
+class TablesEntry(Schema):
+    what: ClassVar[str] = "tables of the aircraft"
+    lift: LiftTableEntry | None = optional("lift, in place of C_L0, C_Lalpha and the stall, in six-dof alone")
+    drag: DragTableEntry | None = optional("drag, in place of C_D0, k and C_L_minD")
+    thrust: ThrustTableEntry | None = optional("thrust, in place of power, efficiency and static thrust")
+
+
 class AircraftEntry(Schema):
     """A whole aircraft file."""
 
@@ -225,6 +263,7 @@ class AircraftEntry(Schema):
     envelope: EnvelopeEntry = Field(description="limits of speed and load factor")
     propeller: PropellerEntry | None = optional("what the propeller does besides pulling")
     linear: LinearEntry | None = optional("constants of the linear models that replace those of the derivatives")
+    tables: TablesEntry | None = optional("tables that take the place of formulas, read as smooth splines")
     published: PublishedEntry | None = optional("figures of the flight manual, to compare with")
 
 
@@ -258,6 +297,7 @@ def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
         ),
         propeller=propeller,
         linear=_linear(entry.linear, reporter) if entry.linear else None,
+        tables=_tables(entry.tables, entry.airframe.cbar, reporter) if entry.tables else None,
     )
     before = len(reporter.findings)
     _check_inertia(aircraft.airframe, reporter)
@@ -266,6 +306,44 @@ def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
         for group, key, message in faults(aircraft):
             reporter.value((group, key), message)
     return aircraft
+
+
+def _tables(entry: TablesEntry, chord: float, reporter: Reporter) -> AerodynamicTables:
+    lift, drag, thrust = entry.lift, entry.drag, entry.thrust
+
+    def table(name: str, knots: dict[str, list[float]], key: str, values: list[list[float]]) -> Table | None:
+        before = len(reporter.findings)
+        for variable, numbers in knots.items():
+            if any(later <= earlier for earlier, later in pairwise(numbers)):
+                reporter.value(("tables", name, variable), "must increase from each number to the next")
+        counts = [len(numbers) for numbers in knots.values()]
+        if len(values) != counts[0]:
+            first = next(iter(knots))
+            reporter.value(
+                ("tables", name, key), f"must have {counts[0]} values or rows, as {first} has; has {len(values)}"
+            )
+        for row in values:
+            if len(counts) > 1 and len(row) != counts[1]:
+                second = list(knots)[1]
+                message = f"must have {counts[1]} numbers in every row, as {second} has; has {len(row)} in one"
+                reporter.value(("tables", name, key), message)
+        if len(reporter.findings) > before:
+            return None
+        return Table(tuple(tuple(numbers) for numbers in knots.values()), tuple(tuple(row) for row in values))
+
+    return AerodynamicTables(
+        lift=lift
+        and table("lift", {"alpha_deg": [math.radians(a) for a in lift.alpha_deg]}, "C_L", [[c] for c in lift.C_L]),
+        drag=drag and table("drag", {"C_L": drag.C_L, "Re": drag.Re}, "C_D", drag.C_D),
+        thrust=thrust
+        and table(
+            "thrust",
+            {"speed_m_s": thrust.speed_m_s, "density_kg_m3": thrust.density_kg_m3},
+            "thrust_N",
+            thrust.thrust_N,
+        ),
+        chord=chord,
+    )
 
 
 def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:

@@ -8,12 +8,14 @@ from pathlib import Path
 
 from airrace.errors import Finding
 from airrace.files.inputs.nodes import SIZE_MAX, most_similar
+from airrace.runtime.extensions import installed_aircraft
 from airrace.runtime.resources import shipped_folder
 from airrace.runtime.standard_streams import STANDARD, name_of, read_bytes
 
 logger = logging.getLogger(__name__)
 
 SUFFIX = ".yaml"
+AIRCRAFT_FOLDER = "configs"
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,10 @@ def missing_file(path: Path, names: Sequence[str] = ()) -> str:
 
 @dataclass(frozen=True)
 class Collection:
-    """The shipped documents of one kind, each named like its file without the suffix, in a folder of the package."""
+    """The shipped documents of one kind, each named like its file without the suffix, in a folder of the package.
+
+    Aircraft of installed packages are found by their names in the same way.
+    """
 
     folder: str
 
@@ -85,8 +90,12 @@ class Collection:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all documents, in alphabetical order."""
-        return _names(self.path)
+        """The names of all documents, in alphabetical order, those of installed packages behind the shipped ones."""
+        return (*_names(self.path), *sorted(self._installed.keys() - set(_names(self.path))))
+
+    @property
+    def _installed(self) -> dict[str, Path]:
+        return installed_aircraft() if self.folder == AIRCRAFT_FOLDER else {}
 
     # `name` is a path, relative to the folder `beside`, or the bare name of a shipped document.
 
@@ -97,7 +106,14 @@ class Collection:
         for candidate in (path, with_suffix):
             if _is_file(candidate):
                 return candidate
-        return self.path / with_suffix.name if self.has(name) else path
+        if not self.has(name):
+            return path
+        return self._shipped(name)
+
+    def _shipped(self, name: Path) -> Path:
+        """Return the file of a document that has this name, shipped or of an installed package."""
+        shipped = self.path / f"{name.name}{SUFFIX}"
+        return shipped if name.name in _names(self.path) else self._installed.get(name.name, shipped)
 
     def has(self, name: Path) -> bool:
         """Return whether a path is the bare name of a shipped document."""
@@ -116,7 +132,7 @@ class Collection:
     def label(self, name: Path, beside: Path = Path()) -> Path:
         """Return the name of a shipped document, and the path of any other file."""
         file = self.file(name, beside)
-        return name if self.has(name) and file.parent == self.path else file
+        return name if self.has(name) and file == self._shipped(name) else file
 
     def finds(self, name: Path, beside: Path = Path()) -> bool:
         """Return whether there is such a file."""
@@ -141,4 +157,4 @@ def _names(folder: Path) -> tuple[str, ...]:
 
 
 TRACKS = Collection("tracks")
-AIRCRAFT = Collection("configs")
+AIRCRAFT = Collection(AIRCRAFT_FOLDER)

@@ -33,6 +33,8 @@ from airrace.model.environment import RHO_ISA, Weather, g0
 from airrace.model.frames import Matrix
 from airrace.optimal_control.quantities import Scalar, T, Vector, quantity, vector
 
+VISCOSITY = 1.789e-5
+"""The dynamic viscosity of air at 15 degrees, kg/(m s)."""
 STALL_BLEND = 0.05
 """The width, in C_L, of the transition from the linear lift curve to its limits (1)."""
 
@@ -71,8 +73,16 @@ def wind_airflow(V_K: Scalar, R: Matrix, V_W: Sequence[Scalar]) -> Airflow:
     return Airflow(sqrt(u * u + v * v + w * w), u, v, w)
 
 
-def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
-    """Return the drag coefficient `C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`."""
+def drag_coefficient(
+    C_L: Scalar, beta_A: Scalar, V_A: Scalar, rho: Scalar, aircraft: AircraftParameters[Scalar]
+) -> Scalar:
+    """Return the drag coefficient `C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`.
+
+    Airspeed (m/s) and density (kg/m3) count where a table of the aircraft takes the place of the first two terms.
+    """
+    if aircraft.tables is not None and aircraft.tables.drag is not None:
+        Re = rho * V_A * aircraft.tables.chord / VISCOSITY
+        return aircraft.tables.drag(C_L, Re) + aircraft.C_Dbeta2 * (beta_A * beta_A)
     excess = C_L - aircraft.C_L_minD
     return aircraft.C_D0 + aircraft.k * (excess * excess) + aircraft.C_Dbeta2 * (beta_A * beta_A)
 
@@ -80,8 +90,10 @@ def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[S
 def lift_curve(alpha_A: Scalar, lift: Lift | InnerLoopParameters[Scalar]) -> Scalar:
     """Return the lift coefficient at `alpha_A` (rad) with neutral controls and without rotation.
 
-    It is linear in `alpha_A`, rounded off smoothly at `C_L_max` and `C_L_min`.
+    It is linear in `alpha_A`, rounded off smoothly at `C_L_max` and `C_L_min`, if the aircraft has no table of it.
     """
+    if isinstance(lift, InnerLoopParameters) and lift.tables is not None and lift.tables.lift is not None:
+        return lift.tables.lift(alpha_A)
     return smooth_clip(lift.C_L0 + lift.C_Lalpha * alpha_A, lift.C_L_min, lift.C_L_max, STALL_BLEND)
 
 
@@ -92,6 +104,8 @@ def power_ratio(rho: Scalar) -> Scalar:
 
 def thrust(delta_T: Scalar, V_A: Scalar, rho: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
     """Return the thrust (N) at throttle position `delta_T` (0 to 1), airspeed `V_A` (m/s) and density `rho` (kg/m3)."""
+    if aircraft.tables is not None and aircraft.tables.thrust is not None:
+        return delta_T * aircraft.tables.thrust(V_A, rho)
     return delta_T * aircraft.P * power_ratio(rho) / sqrt(V_A * V_A + aircraft.V_s * aircraft.V_s)
 
 
@@ -131,7 +145,7 @@ def axial_load_factor(
     aircraft: AircraftParameters[Scalar],
 ) -> Scalar:
     """Return `n_x` (g) from the balance of thrust, drag, lift and side force along V_K."""
-    C_D = drag_coefficient(coefficients.C_L, coefficients.beta_A, aircraft)
+    C_D = drag_coefficient(coefficients.C_L, coefficients.beta_A, flow.V_A, rho, aircraft)
     D = 0.5 * rho * (flow.V_A * flow.V_A) * aircraft.S * C_D
     T_minus_D = thrust(delta_T, flow.V_A, rho, aircraft) - D
     # the equation above, numerator and denominator times V_A

@@ -94,9 +94,13 @@ def sustained_load_factor(aircraft: Aircraft) -> float:
 
     def load_factor(V: float) -> float:
         qS = 0.5 * RHO_ISA * V * V * numbers.S
-        induced = max(full_thrust(numbers, V) / qS - numbers.C_D0, 0.0)
-        C_L = numbers.C_L_minD + math.sqrt(induced / numbers.k) if induced else 0.0
-        return qS * min(C_L, aircraft.lift.C_L_max) / (numbers.m * g0)
+        pull, per_C_L = full_thrust(numbers, V), qS / (numbers.m * g0)
+        least, most = per_C_L * numbers.C_L_minD, per_C_L * aircraft.lift.C_L_max
+        if pull >= _drag(numbers, V, most):
+            return most
+        if pull <= _drag(numbers, V, least):
+            return least
+        return bisect(lambda n_z: pull - _drag(numbers, V, n_z), least, most)
 
     best = load_factor(_maximum(load_factor, stall_speed(aircraft), FASTEST))
     return min(best, aircraft.envelope.n_z.upper) if best >= 1.0 else 0.0
@@ -117,7 +121,7 @@ def bisect(excess: Callable[[float], float], low: float, high: float) -> float:
 
 def _drag(numbers: AircraftParameters[float], V: float, load_factor: float) -> float:
     qS = 0.5 * RHO_ISA * V * V * numbers.S
-    return qS * drag_coefficient(load_factor * numbers.m * g0 / qS, 0.0, numbers)
+    return qS * drag_coefficient(load_factor * numbers.m * g0 / qS, 0.0, V, RHO_ISA, numbers)
 
 
 def _climb_rate(numbers: AircraftParameters[float], V: float) -> float:

@@ -17,11 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.model.aircraft import AircraftParameters
+from airrace.model.dynamics.aerodynamics import airflow
 from airrace.model.dynamics.outer_loop import FlightPathState
-from airrace.model.environment import Air, AtmosphereParameters, Weather, WindField, atmosphere_parameters
-from airrace.model.frames import QUATERNION, normalise
+from airrace.model.dynamics.own_limits import Instant, Limit, limits, require_new_names
+from airrace.model.environment import Air, AtmosphereParameters, Weather, WindField, atmosphere_parameters, density
+from airrace.model.frames import QUATERNION, normalise, rotation
 from airrace.optimal_control.quantities import Interval, Quantity, Scalar, T, Vector, quantity, vector
 from airrace.optimal_control.system import System, column, named_symbols
+from airrace.runtime.extensions import named_errors
 
 
 @vector
@@ -42,6 +45,9 @@ class RollReset(Vector[T]):
 
 COUNTING = {name: Interval.exactly(0.0) for name in RollReset.names()}
 """The bounds of the controls in the phase of a roll: nothing is wound back."""
+
+OF_MODELS = ("n_z", "n_y", "C_L", "beta_A")
+"""What is a state of some models, a path quantity of others, and known to own limits by the same names."""
 
 FROM_ZERO = {name: Interval.exactly(0.0) for name in RollCounter.names()}
 """The bounds of the counters where that phase begins: both are zero."""
@@ -113,21 +119,28 @@ def assemble(
 
     Raises:
         KeyError: a bound names no quantity.
+        UsageError: a limit of an extension has the name of a quantity of the model.
     """
-    wind = WindField.from_air(air)
-    structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
+    wind, own = WindField.from_air(air), limits()
+    structure = _Structure(equations, vectors, type(aircraft), wind, counting, own, roll_rate)
+    taken = (*structure.states, *structure.controls, *vectors[2].quantities())
+    require_new_names(own, {quantity.name for quantity in taken}, name)
     rates, path_values, projection = functions(structure)
     declared = structure.states, structure.controls, vectors[2].quantities()
     if unknown := bounds.keys() - {quantity.name for quantities in declared for quantity in quantities}:
         raise KeyError(", ".join(sorted(unknown)))
     states, controls, path = (_with_bounds(quantities, bounds) for quantities in declared)
     system = System(
-        name="+".join(part for part in (name, wind.label, "rolls" if counting else "") if part),
+        name="+".join(
+            part
+            for part in (name, wind.label, "rolls" if counting else "", *(limit.quantity.name for limit in own))
+            if part
+        ),
         states=states,
         controls=controls,
         parameters=structure.parameters,
         rates=rates,
-        path=path,
+        path=(*path, *(limit.quantity for limit in own)),
         path_values=path_values,
         projection=projection,
     )
@@ -158,6 +171,7 @@ class _Structure:
     numbers: type[AircraftParameters[Any]]
     wind: WindField
     counting: bool
+    limits: tuple[Limit, ...]
     roll_rate: Callable[[Any, Any], Scalar] = field(compare=False)
 
     @property
@@ -188,13 +202,40 @@ def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     all_rates = list(rates.join())
     if of.counting:
         all_rates += [of.roll_rate(state, path_values) + u["Phi_reset"], u["gain_reset"] - rates.z]
+    own = _own_limits(of, state, path_values, aircraft, weather)
     unit = dict(zip(QUATERNION, normalise([x[name] for name in QUATERNION]), strict=True))
     arguments = [column(symbols.values()) for symbols in (x, u, p)]
     return (
         ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),
-        ca.Function("path_values", arguments, [column(path_values.join())], {"cse": True}),
+        ca.Function("path_values", arguments, [column([*path_values.join(), *own])], {"cse": True}),
         ca.Function("projection", arguments[:1], [column((x | unit).values())], {"cse": True}),
     )
+
+
+def _own_limits(of: _Structure, state: Any, path: Any, aircraft: Any, weather: Weather) -> list[Scalar]:
+    """Return the values of the limits of extensions."""
+    if not of.limits:
+        return []
+    R = rotation(state.q)
+    known = {name: getattr(path, name) if hasattr(path, name) else getattr(state, name) for name in OF_MODELS}
+    instant = Instant(
+        north=state.x,
+        east=state.y,
+        height=-state.z,
+        V_K=state.V_K,
+        V_A=airflow(state, R, weather).V_A,
+        sin_climb=-R[2][0],
+        rho=density(state.z, weather.atmosphere),
+        p_Kbar=of.roll_rate(state, path),
+        delta_T=state.delta_T,
+        aircraft=aircraft,
+        **known,
+    )
+    values: list[Scalar] = []
+    for limit in of.limits:
+        with named_errors(f"{limit.file} has the limit {limit.quantity.name}", limit.file):
+            values.append(limit.value(instant))
+    return values
 
 
 def _pick(kind: type[Vector[Any]], symbols: Mapping[str, Scalar]) -> Any:

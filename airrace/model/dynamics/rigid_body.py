@@ -260,7 +260,7 @@ def linear_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
 def level_lags(aircraft: InnerLoopParameters[float], V: float) -> Lags:
     """Return the constants of the modes in level flight at the speed `V` (m/s) at sea level."""
     C_L = aircraft.m * g0 / (0.5 * RHO_ISA * V * V * aircraft.S)
-    return lags(V, RHO_ISA, drag_coefficient(C_L, 0.0, aircraft), aircraft)
+    return lags(V, RHO_ISA, drag_coefficient(C_L, 0.0, V, RHO_ISA, aircraft), aircraft)
 
 
 def with_short_period(aircraft: InnerLoopParameters[float], V: float, mode: Mode) -> InnerLoopParameters[float]:

@@ -74,7 +74,7 @@ def six_dof(
     C_L = lift_coefficient(alpha_A, q, state.eta, aircraft, stalling=True)
     C_Y = side_force_coefficient(motion, aircraft)
     load = 0.5 * rho * V_A * V_A * aircraft.S / (aircraft.m * g0)
-    force = (-load * drag_coefficient(C_L, beta_A, aircraft), load * C_Y, -load * C_L)
+    force = (-load * drag_coefficient(C_L, beta_A, V_A, rho, aircraft), load * C_Y, -load * C_L)
     pull = thrust(state.delta_T, V_A, rho, aircraft) / (aircraft.m * g0)
     x_B = rotation_to_body(state.alpha_K, state.beta_K)[0]
     n_x, n_y, down = (

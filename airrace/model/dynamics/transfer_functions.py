@@ -53,7 +53,7 @@ def transfer_functions(
     flight_path, path, flow, rho = load_factor_flight(
         state, state.n_z, state.n_y, state.p_Kbar, aircraft=aircraft, weather=weather
     )
-    lag = lags(flow.V_A, rho, drag_coefficient(path.C_L, path.beta_A, aircraft), aircraft)
+    lag = lags(flow.V_A, rho, drag_coefficient(path.C_L, path.beta_A, flow.V_A, rho, aircraft), aircraft)
     rates = TransferFunctionState[Scalar](
         **vars(flight_path),
         delta_T=throttle_rate(state.delta_T, control.delta_T_cmd, aircraft),

@@ -66,13 +66,17 @@ def test_drag_is_least_at_its_lift_coefficient_and_without_sideslip(
     edge540: Aircraft, C_L: float, beta_A: float
 ) -> None:
     numbers = aircraft_parameters(edge540)
-    assert drag_coefficient(C_L, beta_A, numbers) >= drag_coefficient(numbers.C_L_minD, 0.0, numbers) == numbers.C_D0
-    assert drag_coefficient(C_L, beta_A, numbers) == drag_coefficient(C_L, -beta_A, numbers)
+    assert (
+        drag_coefficient(C_L, beta_A, 80.0, 1.2, numbers)
+        >= drag_coefficient(numbers.C_L_minD, 0.0, 80.0, 1.2, numbers)
+        == numbers.C_D0
+    )
+    assert drag_coefficient(C_L, beta_A, 80.0, 1.2, numbers) == drag_coefficient(C_L, -beta_A, 80.0, 1.2, numbers)
 
 
 def test_drag_of_sideslip_equals_its_source_at_the_point_of_calibration(edge540: Aircraft) -> None:
     numbers = aircraft_parameters(edge540)
-    added = drag_coefficient(0.0, 0.2, numbers) - drag_coefficient(0.0, 0.0, numbers)
+    added = drag_coefficient(0.0, 0.2, 80.0, 1.2, numbers) - drag_coefficient(0.0, 0.0, 80.0, 1.2, numbers)
     assert added == pytest.approx(0.17 * 0.2, rel=0.01)
 
 
@@ -128,7 +132,7 @@ def test_published_top_speed_balances_thrust_and_drag(edge540: Aircraft) -> None
     numbers, V = with_power(edge540, 340.0 * HORSEPOWER), 426.0 / 3.6
     qbar = 0.5 * RHO_ISA * V**2
     C_L = numbers.m * g0 / (qbar * numbers.S)
-    D = qbar * numbers.S * drag_coefficient(C_L, 0.0, numbers)
+    D = qbar * numbers.S * drag_coefficient(C_L, 0.0, V, RHO_ISA, numbers)
     assert thrust(1.0, V, RHO_ISA, numbers) == pytest.approx(D, rel=0.02)
 
 
