@@ -99,10 +99,11 @@ def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
     """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians; no limit is null.
 
     `settings.mesh_check` is left out: a stage stands whichever stages have a mesh check, and its certificate says what
-    was measured of it.
+    was measured of it. So are tables where the aircraft has none: runs that were stored before there were any stand.
     """
+    excluded = {"settings": {"mesh_check"}} | ({"aircraft": {"tables"}} if race.aircraft.tables is None else {})
     objects = {"course": race.course, "aircraft": race.aircraft, "air": race.air, "settings": settings}
-    plain = json.loads(to_json(objects, exclude={"settings": {"mesh_check"}}, inf_nan_mode="null"))
+    plain = json.loads(to_json(objects, exclude=excluded, inf_nan_mode="null"))
     return cast(dict[str, JSON], plain)
 
 

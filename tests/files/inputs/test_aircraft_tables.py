@@ -9,6 +9,7 @@ import yaml
 
 from airrace.errors import InputError
 from airrace.files.inputs import load_inputs
+from airrace.files.inputs.objects import resolved_inputs
 from airrace.model.aircraft import Aircraft, aircraft_parameters, inner_loop_parameters
 from airrace.model.dynamics.aerodynamics import VISCOSITY, drag_coefficient, lift_curve, thrust
 from airrace.procedure.fidelity import stage_model
@@ -51,6 +52,15 @@ def test_tables_take_the_place_of_the_formulas(tmp_path: Path) -> None:
     assert slower == pytest.approx(0.03 + 0.01 * numbers.C_Dbeta2)
     assert float(thrust(0.5, 50.0, 1.2, numbers)) == pytest.approx(1750.0)
     assert float(lift_curve(np.radians(15.0), inner_loop_parameters(flown))) == pytest.approx(1.2)
+
+
+def test_configurations_of_aircraft_without_tables_are_those_of_before_there_were_any(tmp_path: Path) -> None:
+    settings = load_inputs(TRACK).settings
+    without, with_tables = (resolved_inputs(race(tmp_path, tables), settings)["aircraft"] for tables in (None, TABLES))
+    assert isinstance(without, dict)
+    assert "tables" not in without
+    assert isinstance(with_tables, dict)
+    assert "lift" in str(with_tables["tables"])
 
 
 def test_table_of_one_kind_leaves_the_other_formulas(tmp_path: Path) -> None:
