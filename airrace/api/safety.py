@@ -210,7 +210,9 @@ def safety(
     if path is not None:
         of_run = next(iter(case.cases.values())) if isinstance(case, SafetyRuns) else case
         own = own_case(run, of_run) or flown_alone(run)
-        write_safety_file(path, SimulatedRun(run, run.stage(stage), replace(own, label=run.label), case), notes)
+        named = runs_by_name if isinstance(case, SafetyRuns) else {}
+        simulated = SimulatedRun(run, run.stage(stage), replace(own, label=run.label), case, named)
+        write_safety_file(path, simulated, notes)
     return case
 
 

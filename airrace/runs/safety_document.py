@@ -6,7 +6,7 @@ All of its numbers are plain values first: `Document.as_object` returns them unr
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -54,7 +54,7 @@ from airrace.pages.views.tables import Column, Table, Value
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
-from airrace.runs.safety_rose import SafetyRose, SafetyRuns, cases_by_name
+from airrace.runs.safety_rose import SafetyRose, SafetyRuns, cases_by_name, is_own
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import current_versions
 from airrace.runtime.standard_streams import STANDARD
@@ -117,13 +117,58 @@ class SimulatedRun:
     Attributes:
         run, view: the run, and its stage.
         own: the flights in the run's own wind.
-        every: of the run, of it in several winds, or of several runs; the first of these is this one.
+        every: of the run, of it in several winds, or of several runs; this one is among them.
+        runs: of several runs, by the names that they have there; empty where this is the only one.
     """
 
     run: RunState
     view: StageView
     own: SafetyCase
     every: SafetyCase | SafetyRose | SafetyRuns
+    runs: Mapping[str, RunState] = field(default_factory=dict[str, RunState])
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCase:
+    """Flights along one line.
+
+    Attributes:
+        name: of the run, of the wind, or of both.
+        case: the flights; a text says why there are none.
+        run: of which it is.
+        in_own_wind: whether they are in the wind of that run; in another wind its line has no reserve of its own.
+    """
+
+    name: str
+    case: SafetyCase | str
+    run: RunState
+    in_own_wind: bool
+
+    @property
+    def has_reserve(self) -> bool:
+        """Whether their line keeps a reserve that was measured along it."""
+        return self.in_own_wind and has_reserve(self.run)
+
+
+def named_cases(of: SimulatedRun) -> list[NamedCase]:
+    """Return all cases, by the names of `cases_by_name`, and that of the run's own wind where it is none of these."""
+    every = of.every.cases if isinstance(of.every, SafetyRuns) else {"": of.every}
+    named: list[NamedCase] = []
+    for name, case in every.items():
+        run = of.runs.get(name, of.run)
+        if isinstance(case, SafetyRose):
+            for wind, of_wind in case.cases.items():
+                name_of_wind = f"{name}, {wind.text}" if name else wind.text
+                named.append(NamedCase(name_of_wind, of_wind, run, is_own(wind, run)))
+        else:
+            named.append(NamedCase(name or of.own.label, case, run, in_own_wind=True))
+    own_is_named = any(
+        named_case.run is of.run and named_case.in_own_wind and isinstance(named_case.case, SafetyCase)
+        for named_case in named
+    )
+    if not own_is_named:
+        named.insert(0, NamedCase(f"{of.own.label}, its own wind", of.own, of.run, in_own_wind=True))
+    return named
 
 
 def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: bool = True) -> Document:
@@ -274,17 +319,28 @@ def _signatures(of: SimulatedRun, notes: CaseNotes) -> Iterator[Part]:
     """Yield places to sign, below what has to be known of the line."""
     if not notes.sign_for:
         return
-    if not has_reserve(of.run):
-        broken, reserve = of.own.result.broken, of.run.inputs.reserve
-        asked = "" if reserve is None else f" ({of.view.stamp.reserve_text})"
-        yield known_part(
-            "No reserve",
-            [
-                f"This line has no measured reserve{asked}: it touches its limits, and {broken.flights} of {broken.of} "
-                "simulated flights break a rule. It shows where a reserve is needed, and is no flight to be flown"
-            ],
-        )
+    cases = named_cases(of)
+    without = [_no_reserve_text(case, several=len(cases) > 1) for case in cases if not case.has_reserve]
+    if without:
+        yield known_part("No reserve", without)
     yield Part(signature_block(notes.sign_for), list(notes.sign_for))
+
+
+def _no_reserve_text(case: NamedCase, *, several: bool) -> str:
+    """Return what has to be known of a line without a measured reserve."""
+    whose = f"{case.name}: this line" if several else "This line"
+    if isinstance(case.case, str):
+        return f"{case.name}: nothing is known of its line: {case.case}"
+    reserve, broken = case.run.inputs.reserve, case.case.result.broken
+    if not case.in_own_wind and has_reserve(case.run):
+        why = ", for that of its run was measured in another wind"
+    else:
+        why = "" if reserve is None else f" ({case.run.stages[-1].stamp.reserve_text})"
+        why += "" if case.run.inputs.margins else ": it touches its limits"
+    return (
+        f"{whose} has no measured reserve{why}; {broken.flights} of {broken.of} simulated flights break a rule. It "
+        "shows where a reserve is needed, and is no flight to be flown"
+    )
 
 
 def _in_short(of: SimulatedRun, flight: Flight, omissions: Sequence[str]) -> Iterator[Part]:

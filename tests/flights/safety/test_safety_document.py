@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -23,6 +24,7 @@ from airrace.files.inputs.air import Wind
 from airrace.files.inputs.inputs import sources_of
 from airrace.flights.safety.disturbances import Scatter
 from airrace.flights.safety.monte_carlo import SafetyResult
+from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report import browser
 from airrace.pages.report.browser import browser_path, print_pdf
@@ -33,7 +35,7 @@ from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import ReplannedFlights, SafetyCase
 from airrace.runs.safety_document import NO_CROWD, CaseNotes, SimulatedRun, safety_document
 from airrace.runs.safety_files import ensure_safety_file, write_safety_file
-from airrace.runs.safety_rose import SafetyRose, fly_runs
+from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs
 
 CROWD = "crowd: {stands: {polygon: [{north_m: 500, east_m: 400}, {north_m: 600, east_m: 400}, \
 {north_m: 600, east_m: 450}], distance_m: 100}}\n"
@@ -259,6 +261,48 @@ def test_who_signs_a_line_without_a_reserve_reads_that_above() -> None:
     assert body.index("No reserve") < body.index("Authority")
     assert f"{case().result.broken.flights} of {FLIGHTS} simulated flights break a rule" in body
     assert "No reserve" not in page_of().text_content()
+
+
+@cache
+def reserved() -> RunState:
+    """A run whose line keeps a reserve that was measured, in gusts alone."""
+    found = ("found.measured=0.52", "found.lower=0.49", "found.reached=true")
+    overrides = ("margins.rules.floor_m=1", *(f"rules.reserve.{text}" for text in ("probability=0.5", *found)))
+    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
+    return new_run(inputs_, None).with_stage(optimum())
+
+
+def of_runs(runs: Mapping[str, RunState], cases: Mapping[str, SafetyCase | SafetyRose | str]) -> SimulatedRun:
+    """What was simulated of several runs, the first of which is told of."""
+    first = next(iter(runs.values()))
+    every = SafetyRuns({name: run.race.aircraft.name for name, run in runs.items()}, cases)
+    own = next(flights for flights in cases.values() if isinstance(flights, SafetyCase))
+    return SimulatedRun(first, first.stage(), own, every, runs)
+
+
+def known(of: SimulatedRun, title: str = "No reserve") -> list[str]:
+    """The sentences that stand in a frame of the document below this title."""
+    page = html.document_fromstring(safety_document(of, CaseNotes(sign_for=("Authority",)), drawn=False).html())
+    frames = [frame for frame in page.find_class("known") if title in frame.text_content()]
+    return [sentence.text_content() for frame in frames for sentence in frame.iter("li", "p") if len(sentence) == 0]
+
+
+def test_every_run_without_a_reserve_is_named_above_the_signatures() -> None:
+    runs = {"safe.h5": reserved(), "fast.h5": flown()}
+    (sentence,) = [text for text in known(of_runs(runs, dict.fromkeys(runs, case()))) if ".h5" in text]
+    assert "fast.h5: this line has no measured reserve" in sentence
+    assert f"{case().result.broken.flights} of {FLIGHTS} simulated flights break a rule" in sentence
+
+
+def test_a_reserve_holds_in_the_wind_in_which_it_was_measured() -> None:
+    run, own = reserved(), reserved().race.air.wind
+    assert own is not None
+    own_wind = Wind(own.speed / KNOT, math.degrees(own.origin))
+    rose = SafetyRose("course", {own_wind: case(), Wind(5.0, 90.0): case(), Wind(9.0, 0.0): "no flight"})
+    sentences = " ".join(known(SimulatedRun(run, run.stage(), case(), rose)))
+    assert "5 kt from 090: this line has no measured reserve, for that of its run was measured in another" in sentences
+    assert "9 kt from 000: nothing is known of its line: no flight" in sentences
+    assert own_wind.text not in sentences
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
