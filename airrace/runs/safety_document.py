@@ -51,6 +51,7 @@ from airrace.pages.views.safety_views import (
 )
 from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
 from airrace.pages.views.tables import Column, Table, Value
+from airrace.procedure.planning.parameters import course_limits
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
@@ -79,6 +80,8 @@ NOT_CONSIDERED = (
 NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
 IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is that of the run's own wind"
 NOT_STATED = "not stated"
+NO_MARGINS = "all else in this document is by the limits themselves: flights are judged without margins"
+_MARGINS = (Column("limit"), Column("by the rules", form=".6g"), Column("margin", form=".4g"), Column("unit"))
 _NUMBER_COLUMNS = (Column("number"), Column("value", form=".6g"), Column("unit"))
 _GATES = (
     *(Column("gate"), Column("type"), Column("north", "m", "z.1f"), Column("east", "m", "z.1f")),
@@ -184,6 +187,7 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
     """
     run, view, case, notes = of.run, of.view, of.own, notes or CaseNotes()
     flight = view.flight(case.label)
+    flight = replace(flight, race=flight.race.by_rules)  # margins are the line's own; a flight is judged without them
     footprint = footprint_of(flight.race, [Track.from_flight(flight)])
     cases = cases_by_name(of.every)
     certificate, remarks = view.certificate, [view.message] if view.message else []
@@ -207,6 +211,7 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
         [
             Chapter("Results in short", [*_in_short(of, flight, omissions), *_signatures(of, notes)], new_page=True),
             Chapter("Positions of all gates", [] if on_first else [table_part(gates)]),
+            Chapter("Margins of the line", list(_margins(of))),
             Chapter("Distances of all flights", list(_distances(cases, flight))),
             Chapter("Envelope", envelope, new_page=True),
             Chapter("What falls where", [*falls, *_falls(cases, footprint, flight)], new_page=True),
@@ -315,6 +320,15 @@ def _gates_table(flight: Flight) -> Table:
     return Table("Gates", _GATES, rows)
 
 
+def _margins(of: SimulatedRun) -> Iterator[Part]:
+    """Yield by how much lines keep within their limits, a table for each run that has margins."""
+    for name, run in (of.runs or {of.run.label: of.run}).items():
+        limits = {limit.key: limit for limit in course_limits(run.race.by_rules)}
+        rows = [(key, limits[key].value, margin, limits[key].unit) for key, margin in run.inputs.margins.items()]
+        if rows:
+            yield table_part(Table(f"By how much {name} keeps within its limits", _MARGINS, rows, [NO_MARGINS]))
+
+
 def _signatures(of: SimulatedRun, notes: CaseNotes) -> Iterator[Part]:
     """Yield places to sign, below what has to be known of the line."""
     if not notes.sign_for:
@@ -328,9 +342,9 @@ def _signatures(of: SimulatedRun, notes: CaseNotes) -> Iterator[Part]:
 
 def _no_reserve_text(case: NamedCase, *, several: bool) -> str:
     """Return what has to be known of a line without a measured reserve."""
-    whose = f"{case.name}: this line" if several else "This line"
+    whose = f"The line of {case.name}" if several else "This line"
     if isinstance(case.case, str):
-        return f"{case.name}: nothing is known of its line: {case.case}"
+        return f"Nothing is known of a line of {case.name}: {case.case}"
     reserve, broken = case.run.inputs.reserve, case.case.result.broken
     if not case.in_own_wind and has_reserve(case.run):
         why = ", for that of its run was measured in another wind"

@@ -263,13 +263,17 @@ def test_who_signs_a_line_without_a_reserve_reads_that_above() -> None:
     assert "No reserve" not in page_of().text_content()
 
 
+def margined(*overrides: str) -> RunState:
+    """A run with some values set, and the optimum of that without."""
+    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
+    return new_run(inputs_, None).with_stage(optimum())
+
+
 @cache
 def reserved() -> RunState:
     """A run whose line keeps a reserve that was measured, in gusts alone."""
     found = ("found.measured=0.52", "found.lower=0.49", "found.reached=true")
-    overrides = ("margins.rules.floor_m=1", *(f"rules.reserve.{text}" for text in ("probability=0.5", *found)))
-    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
-    return new_run(inputs_, None).with_stage(optimum())
+    return margined("margins.rules.floor_m=1", *(f"rules.reserve.{text}" for text in ("probability=0.5", *found)))
 
 
 def of_runs(runs: Mapping[str, RunState], cases: Mapping[str, SafetyCase | SafetyRose | str]) -> SimulatedRun:
@@ -290,7 +294,7 @@ def known(of: SimulatedRun, title: str = "No reserve") -> list[str]:
 def test_every_run_without_a_reserve_is_named_above_the_signatures() -> None:
     runs = {"safe.h5": reserved(), "fast.h5": flown()}
     (sentence,) = [text for text in known(of_runs(runs, dict.fromkeys(runs, case()))) if ".h5" in text]
-    assert "fast.h5: this line has no measured reserve" in sentence
+    assert "The line of fast.h5 has no measured reserve" in sentence
     assert f"{case().result.broken.flights} of {FLIGHTS} simulated flights break a rule" in sentence
 
 
@@ -300,9 +304,28 @@ def test_a_reserve_holds_in_the_wind_in_which_it_was_measured() -> None:
     own_wind = Wind(own.speed / KNOT, math.degrees(own.origin))
     rose = SafetyRose("course", {own_wind: case(), Wind(5.0, 90.0): case(), Wind(9.0, 0.0): "no flight"})
     sentences = " ".join(known(SimulatedRun(run, run.stage(), case(), rose)))
-    assert "5 kt from 090: this line has no measured reserve, for that of its run was measured in another" in sentences
-    assert "9 kt from 000: nothing is known of its line: no flight" in sentences
+    assert "The line of 5 kt from 090 has no measured reserve, for that of its run was measured in another" in sentences
+    assert "Nothing is known of a line of 9 kt from 000: no flight" in sentences
     assert own_wind.text not in sentences
+
+
+def document_tables(of: SimulatedRun) -> dict[str, dict[str, Any]]:
+    """The tables of a document by their titles, as in its JSON."""
+    content: Any = safety_document(of, drawn=False).as_object()
+    parts = [*content["first_page"], *(part for chapter in content["chapters"] for part in chapter["parts"])]
+    return {part["title"]: part for part in parts if isinstance(part, dict) and "columns" in part}
+
+
+def test_gates_and_distances_are_those_of_the_rules_and_margins_stand_apart() -> None:
+    run = margined("margins.gates.last.height_min_m=2", "margins.rules.floor_m=1")
+    with_margins, without = (
+        document_tables(SimulatedRun(flown_run, flown_run.stage(), case(), case())) for flown_run in (run, flown())
+    )
+    assert with_margins["Gates"]["rows"] == without["Gates"]["rows"]
+    assert with_margins["Of the optimum alone"]["rows"] == without["Of the optimum alone"]["rows"]
+    (title,) = set(with_margins) - set(without)
+    rows = {row[0]: row[1:] for row in with_margins[title]["rows"]}
+    assert rows["rules.floor_m"] == [run.race.by_rules.course.rules.height.lower, 1.0, "m"]
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
