@@ -6,7 +6,7 @@ All of its numbers are plain values first: `Document.as_object` returns them unr
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,11 +15,13 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.files.checkpoint import StoredDocument, inputs_hash
 from airrace.files.inputs.inputs import sources_of
+from airrace.files.inputs.rules import ReserveEntry
 from airrace.files.inputs.variation import Variation
 from airrace.flights.results import Flight
 from airrace.flights.results.clearances import near_misses
 from airrace.flights.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
 from airrace.flights.safety.closed_loop import LOST
+from airrace.flights.safety.disturbances import Disturbances, Gusts
 from airrace.flights.safety.footprint import Footprint, Track, footprint_of
 from airrace.flights.safety.impacts import outlines_of
 from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE, Thing
@@ -283,25 +285,57 @@ def _reserve_text(run: RunState, view: StageView) -> str:
     reserve = run.inputs.reserve
     if reserve is None:
         return view.stamp.reserve_text or "none"
+    loads = "" if reserve.load_factor else "; over-g is not in it"
+    return f"{view.stamp.reserve_text}; asked for in {_asked_text(reserve)}{loads}"
+
+
+def _asked_text(reserve: ReserveEntry) -> str:
+    """Return the disturbances that a reserve was asked for in, as `_disturbances_text` does."""
+    return _disturbances_text(Disturbances(**{key.name: getattr(reserve, key.name) for key in fields(Disturbances)}))
+
+
+def _flown_text(result: SafetyResult) -> str:
+    """Return the disturbances in which flights were simulated, as `_disturbances_text` does."""
+    scatter = result.scatter
+    percents = [100.0 * error for error in (scatter.mass, scatter.power, scatter.density)]
+    wind, gusts = scatter.wind / KNOT, scatter.gusts.value
+    return _disturbances_text(Disturbances(gusts, wind, *percents, scatter.timing, result.pilot.delay))
+
+
+def _disturbances_text(disturbances: Disturbances) -> str:
+    """Return all disturbances as words that are the same for the same ones."""
     errors = {
-        f"wind {reserve.wind_error_kt:g} kt": reserve.wind_error_kt,
-        f"mass {reserve.mass_error_percent:g} %": reserve.mass_error_percent,
-        f"power {reserve.power_error_percent:g} %": reserve.power_error_percent,
-        f"density {reserve.density_error_percent:g} %": reserve.density_error_percent,
-        f"rolls {1000.0 * reserve.roll_timing_s:g} ms": reserve.roll_timing_s,
+        f"wind {disturbances.wind_error_kt:.6g} kt": disturbances.wind_error_kt,
+        f"mass {disturbances.mass_error_percent:.6g} %": disturbances.mass_error_percent,
+        f"power {disturbances.power_error_percent:.6g} %": disturbances.power_error_percent,
+        f"density {disturbances.density_error_percent:.6g} %": disturbances.density_error_percent,
+        f"rolls {1000.0 * disturbances.roll_timing_s:.6g} ms": disturbances.roll_timing_s,
     }
     texts = [text for text, error in errors.items() if error]
-    disturbances = f"errors of {', '.join(texts)}" if texts else "nothing else"
-    loads = "" if reserve.load_factor else "; over-g is not in it"
-    return f"{view.stamp.reserve_text}; asked for in {reserve.gusts} gusts and {disturbances}{loads}"
+    gusts = "no gusts" if disturbances.gusts == Gusts.NONE else f"{disturbances.gusts} gusts"
+    others = f"errors of {', '.join(texts)}" if texts else "nothing else"
+    return f"{gusts} and {others}, with a pilot's delay of {disturbances.delay_s:.6g} s"
 
 
 def _simulated_text(of: SimulatedRun) -> str:
-    """Return how much was simulated."""
-    cases = {name: case for name, case in cases_by_name(of.every).items() if isinstance(case, SafetyCase)}
-    flights, gusts = sum(case.result.flights for case in cases.values()), of.own.result.scatter.gusts.value
-    several = f" in {len(cases)} cases ({'; '.join(cases)})" if len(cases) > 1 else ""
-    return f"{flights} closed-loop flights{several}, gusts: {gusts}"
+    """Return how much was simulated, in which disturbances, and where these are not those of a reserve."""
+    cases = [(case, case.case.result) for case in named_cases(of) if isinstance(case.case, SafetyCase)]
+    flights = sum(result.flights for _, result in cases)
+    names = [case.name for case, _ in cases]
+    several = f" in {len(cases)} cases ({'; '.join(names)})" if len(cases) > 1 else ""
+    by_text: dict[str, list[str]] = {}
+    others: list[str] = []
+    for case, result in cases:
+        by_text.setdefault(_flown_text(result), []).append(case.name)
+        reserve = case.run.inputs.reserve
+        if case.in_own_wind and reserve is not None and _flown_text(result) != _asked_text(reserve):
+            others.append(case.name)
+    flown = [f"in {text}" for text in by_text]
+    if len(by_text) > 1:
+        flown = [f"in {text} ({', '.join(named)})" for text, named in by_text.items()]
+    differ = f" of {', '.join(others)}" if len(cases) > 1 else ""
+    different = f". These are not the disturbances that the reserve{differ} was asked for in" if others else ""
+    return f"{flights} closed-loop flights{several}, {'; '.join(flown)}{different}"
 
 
 def _gates_table(flight: Flight) -> Table:

@@ -22,7 +22,7 @@ from airrace.errors import StorageError, UsageError
 from airrace.files.inputs import Document, inputs_from_documents, load_inputs
 from airrace.files.inputs.air import Wind
 from airrace.files.inputs.inputs import sources_of
-from airrace.flights.safety.disturbances import Scatter
+from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import SafetyResult
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
@@ -326,6 +326,22 @@ def test_gates_and_distances_are_those_of_the_rules_and_margins_stand_apart() ->
     (title,) = set(with_margins) - set(without)
     rows = {row[0]: row[1:] for row in with_margins[title]["rows"]}
     assert rows["rules.floor_m"] == [run.race.by_rules.course.rules.height.lower, 1.0, "m"]
+
+
+def test_all_disturbances_are_told_and_where_they_are_not_those_of_the_reserve() -> None:
+    page = html.document_fromstring(safety_document(simulated(), drawn=False).html())
+    errors = "wind 2.5 kt, mass 2 %, power 2 %, density 1 %, rolls 20 ms"
+    assert f"in light gusts and errors of {errors}, with a pilot's delay of 0.1 s" in first_page(page)
+    run = reserved()
+    result = replace(case().result, scatter=Scatter(Gusts.LIGHT, 0.0, 0.0, 0.0, 0.0, 0.0))
+    as_asked = replace(case(), result=result)
+    for flights, differs in ((case(), True), (as_asked, False)):
+        of = SimulatedRun(run, run.stage(), flights, flights)
+        text = first_page(html.document_fromstring(safety_document(of, drawn=False).html()))
+        assert ("not the disturbances that the reserve was asked for in" in text) is differs
+    both = of_runs({"safe.h5": run, "fast.h5": flown()}, {"safe.h5": as_asked, "fast.h5": case()})
+    text = first_page(html.document_fromstring(safety_document(both, drawn=False).html()))
+    assert "in light gusts and nothing else, with a pilot's delay of 0.1 s (safe.h5); in light gusts and errors" in text
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
