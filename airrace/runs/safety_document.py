@@ -27,7 +27,7 @@ from airrace.flights.safety.impacts import outlines_of
 from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE, Thing
 from airrace.flights.safety.monte_carlo import OVER_G, Count, Nearness, SafetyResult
 from airrace.flights.safety.over_g import LOAD_ALLOWED
-from airrace.model.track.course import geodetic
+from airrace.model.track.course import Course, geodetic
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.document import (
     Chapter,
@@ -57,7 +57,7 @@ from airrace.procedure.planning.parameters import course_limits
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
-from airrace.runs.safety_rose import SafetyRose, SafetyRuns, cases_by_name, is_own
+from airrace.runs.safety_rose import SafetyRose, SafetyRuns, is_own
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import current_versions
 from airrace.runtime.standard_streams import STANDARD
@@ -156,7 +156,7 @@ class NamedCase:
 
 
 def named_cases(of: SimulatedRun) -> list[NamedCase]:
-    """Return all cases, by the names of `cases_by_name`, and that of the run's own wind where it is none of these."""
+    """Return all cases, and that of the run's own wind where it is none of these."""
     every = of.every.cases if isinstance(of.every, SafetyRuns) else {"": of.every}
     named: list[NamedCase] = []
     for name, case in every.items():
@@ -191,7 +191,7 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
     flight = view.flight(case.label)
     flight = replace(flight, race=flight.race.by_rules)  # margins are the line's own; a flight is judged without them
     footprint = footprint_of(flight.race, [Track.from_flight(flight)])
-    cases = cases_by_name(of.every)
+    cases = {named_case.name: named_case.case for named_case in named_cases(of)}
     certificate, remarks = view.certificate, [view.message] if view.message else []
     omissions, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
     content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
@@ -393,32 +393,21 @@ def _no_reserve_text(case: NamedCase, *, several: bool) -> str:
 
 def _in_short(of: SimulatedRun, flight: Flight, omissions: Sequence[str]) -> Iterator[Part]:
     """Yield what has to be known first, and the results that matter most, in words."""
-    case, result = of.own, of.own.result
-    first = [*filter(None, (case.uncertified, result.note)), *omissions]
+    named = named_cases(of)
+    first: list[str] = []
+    for case in named:
+        known = [case.case] if isinstance(case.case, str) else [case.case.uncertified, case.case.result.note]
+        first += [f"{text} ({case.name})" if len(named) > 1 else text for text in known if text]
+    first += omissions
     for near_miss in near_misses(flight):
         distance = f"{near_miss.clearance.name} at {near_miss.clearance.distance:.2f} m"
         first.append(f"The optimum itself passes {distance}, {near_miss.where}")
     first += [f"Sustained load: {load.text}" for load in sustained_loads(flight)]
     yield known_part("To be known first", first)
-
-    def share(count: Count) -> str:
-        interval = f"{100.0 * count.lower:.2f} to {100.0 * count.upper:.2f} %"
-        return f"{count.flights} of {count.of} flights; {interval} (confidence 95 %)"
-
-    rows = [
-        ("touch a pylon or the ground, miss a gate or lose the line", share(result.contact)),
-        ("break any rule", share(result.broken)),
-        ("below the floor", share(result.counts["floor"])),
-        (f"over-g: {result.load_rule.text}", share(result.counts[OVER_G])),
-    ]
-    if flight.course.crowd:
-        rows.insert(2, ("too near to the crowd", share(result.counts["crowd"])))
-    if result.counts["safety line"].of and flight.course.safety_lines:
-        rows.insert(-2, ("across a safety line", share(result.counts["safety line"])))
-    yield table_part(
-        Table(f"Of {flight.aircraft.name}, {of.view.stamp.air}", (Column("what"), Column("how many")), rows)
-    )
-    cases = cases_by_name(of.every)
+    results = {case.name: case.case.result for case in named if isinstance(case.case, SafetyCase)}
+    course = flight.course
+    yield table_part(_outcomes_table(results, f"Of {flight.aircraft.name}, {of.view.stamp.air}", course))
+    cases = {case.name: case.case for case in named}
     over = "all winds and aircraft" if len(cases) > 1 else "all flights"
     yield table_part(_nearest_table(cases, f"least distances, {over}"))
     yield table_part(_impacts_table(cases, f"impacts of falls, {over}"))
@@ -426,6 +415,42 @@ def _in_short(of: SimulatedRun, flight: Flight, omissions: Sequence[str]) -> Ite
         "All of this is computed, by models whose numbers, sources and limits stand below. It is no permission, and no "
         "formula of an authority."
     )
+
+
+def _outcomes_table(results: Mapping[str, SafetyResult], title: str, course: Course) -> Table:
+    """Return how many flights break what matters most, of the case that is worst in it.
+
+    Args:
+        results: by the names of cases.
+        title: stands above those of a single case.
+        course: that is flown.
+    """
+    contact = _worst_share({name: result.contact for name, result in results.items()})
+    broken = _worst_share({name: result.broken for name, result in results.items()})
+    rows: list[list[Value]] = [
+        ["touch a pylon or the ground, miss a gate or lose the line", *contact],
+        ["break any rule", *broken],
+    ]
+    kinds = {"below the floor": "floor"}
+    if course.crowd:
+        kinds = {"too near to the crowd": "crowd", **kinds}
+    if course.safety_lines:
+        kinds["across a safety line"] = "safety line"
+    for what, kind in kinds.items():
+        rows.append([what, *_worst_share({name: result.counts[kind] for name, result in results.items()})])
+    over_g, name = _worst_share({name: result.counts[OVER_G] for name, result in results.items()})
+    rows.append([f"over-g: {results[name].load_rule.text}", over_g, name])
+    columns = (Column("what"), Column("how many"), Column("in"))
+    if len(results) > 1:
+        return Table("Of all cases the worst", columns, rows)
+    return Table(title, columns[:-1], [row[:-1] for row in rows])
+
+
+def _worst_share(counts: Mapping[str, Count]) -> tuple[str, str]:
+    """Return the largest share of flights as words, and the name of its case."""
+    name, count = max(counts.items(), key=lambda item: (item[1].share, item[1].upper))
+    interval = f"{100.0 * count.lower:.2f} to {100.0 * count.upper:.2f} %"
+    return f"{count.flights} of {count.of} flights; {interval} (confidence 95 %)", name
 
 
 def _worst(

@@ -23,7 +23,7 @@ from airrace.files.inputs import Document, inputs_from_documents, load_inputs
 from airrace.files.inputs.air import Wind
 from airrace.files.inputs.inputs import sources_of
 from airrace.flights.safety.disturbances import Gusts, Scatter
-from airrace.flights.safety.monte_carlo import SafetyResult
+from airrace.flights.safety.monte_carlo import OVER_G, Count, SafetyResult
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report import browser
@@ -342,6 +342,22 @@ def test_all_disturbances_are_told_and_where_they_are_not_those_of_the_reserve()
     both = of_runs({"safe.h5": run, "fast.h5": flown()}, {"safe.h5": as_asked, "fast.h5": case()})
     text = first_page(html.document_fromstring(safety_document(both, drawn=False).html()))
     assert "in light gusts and nothing else, with a pilot's delay of 0.1 s (safe.h5); in light gusts and errors" in text
+
+
+def test_results_in_short_are_those_of_the_worst_case_with_its_name() -> None:
+    good, worse = case(), case().result
+    counts = {**worse.counts, OVER_G: Count.with_interval(FLIGHTS, FLIGHTS)}
+    contact = Count.with_interval(FLIGHTS - 1, FLIGHTS)
+    bad = replace(
+        good, result=replace(worse, contact=contact, counts=counts), uncertified="the optimum is not certified"
+    )
+    runs = {"good.h5": flown(), "bad.h5": flown()}
+    of = of_runs(runs, {"good.h5": good, "bad.h5": bad})
+    rows = document_tables(of)["Of all cases the worst"]["rows"]
+    assert rows[0][1:] == [f"{FLIGHTS - 1} of {FLIGHTS} flights; 86.84 to 99.94 % (confidence 95 %)", "bad.h5"]
+    assert rows[1][2] == "good.h5"  # as bad as the other
+    assert rows[-1][2] == "bad.h5"
+    assert "The optimum is not certified (bad.h5)." in known(of, "To be known first")
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
