@@ -193,9 +193,7 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
     footprint = footprint_of(flight.race, [Track.from_flight(flight)])
     cases = {named_case.name: named_case.case for named_case in named_cases(of)}
     certificate, remarks = view.certificate, [view.message] if view.message else []
-    omissions, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
-    content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
-    digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
+    omissions, runs = [] if flight.course.crowd else [NO_CROWD], of.runs or {run.label: run}
     gates, envelope, falls = _gates_table(flight), list[Part](), list[Part]()
     on_first = len(gates.rows) <= GATES_BESIDE_MAP
     course = table_part(gates) if on_first else note_part("Positions of all gates: see the chapter of that name")
@@ -229,16 +227,10 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
             ),
             Chapter("Pilot and disturbances", [table_part(_assumptions(case.result))]),
             Chapter("What was not considered", [list_part([*omissions, *NOT_CONSIDERED])]),
-            Chapter("Inputs", list(_inputs(run, digest if content else ""))),
-            Chapter(
-                "Files as they were read",
-                [
-                    Part(f"<h3>{what}</h3><pre>{escape_html(document.text)}</pre>", {what: document.text})
-                    for what, document in documents
-                ],
-            ),
+            Chapter("Inputs", list(_inputs(runs))),
+            Chapter("Files as they were read", list(_texts(runs))),
         ],
-        mark=f"run {digest[:16]}",
+        mark=_mark(runs),
     )
 
 
@@ -261,7 +253,7 @@ def _first_page(of: SimulatedRun, notes: CaseNotes, flight: Flight) -> Iterator[
             ("for", notes.prepared_for or NOT_STATED),
             ("valid", notes.valid or f"{NOT_STATED}; for this course, these aircraft and winds alone"),
             ("revision", notes.revision or NOT_STATED),
-            ("run", run.label),
+            ("runs" if len(of.runs) > 1 else "run", ", ".join(of.runs) or run.label),
             ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
         ]
     )
@@ -589,35 +581,76 @@ def _assumptions(result: SafetyResult) -> Table:
     return Table("", (Column("what"), Column("value"), Column("source")), rows)
 
 
-def _inputs(run: RunState, digest: str) -> Iterator[Part]:
+def _inputs(runs: Mapping[str, RunState]) -> Iterator[Part]:
     """Yield what went in: files with their hashes, versions, sources, and the numbers of rules, air and aircraft."""
-    stored_inputs = run.checkpoint.inputs
-    files = [(f"run {run.label}", digest)] if digest else []
-    for what, document in _documents(run):
-        files.append((f"{what} {Path(document.path).name}", hashlib.sha256(document.text.encode()).hexdigest()))
-    files.append(("resolved configuration", inputs_hash(stored_inputs.resolved)))
+    files: list[tuple[str, str]] = []
+    facts: list[tuple[str, str]] = []
+    sources: list[tuple[str, str, str]] = []
+    for name, run in runs.items():
+        of_run, digest = f"{name}: " if len(runs) > 1 else "", _digest(run)
+        if digest:
+            files.append((f"run {name}", digest))
+        for what, document in _documents(run):
+            digest = hashlib.sha256(document.text.encode()).hexdigest()
+            files.append((f"{of_run}{what} {Path(document.path).name}", digest))
+        files.append((f"{of_run}resolved configuration", inputs_hash(run.checkpoint.inputs.resolved)))
+        facts.append((f"{of_run}set by hand", ", ".join(run.inputs.overrides) or "nothing"))
+        facts.append((f"{of_run}solved by", _versions_text(run.checkpoint.versions)))
+        sources += [(f"{of_run}{what}", schema, source) for what, schema, source in sources_of(run.inputs)]
     columns = (Column("what"), Column("SHA-256"))
     yield table_part(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
-    versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
-    yield facts_part(
-        [
-            ("set by hand", ", ".join(run.inputs.overrides) or "nothing"),
-            *(
-                (what, ", ".join(f"{name} {version}" for name, version in packages.items()))
-                for what, packages in versions.items()
-            ),
-        ]
-    )
-    yield table_part(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources_of(run.inputs)))
-    try:
-        numbers = Variation(run.inputs).parameters.values()
-    except UsageError as error:
-        yield list_part([str(error)])
-        return
+    yield facts_part([*facts, ("simulated by", _versions_text(current_versions()))])
+    yield table_part(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources))
+    yield from _numbers(runs)
+
+
+def _versions_text(packages: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in packages.items())
+
+
+def _numbers(runs: Mapping[str, RunState]) -> Iterator[Part]:
+    """Yield the numbers of rules, air and aircraft, once for all runs that have the same ones."""
+    tables: dict[tuple[str, tuple[tuple[str, float, str], ...]], list[str]] = {}
     rules = ("rules", "gate_defaults", "margins", "environment")
-    for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
-        rows = [(number.key, number.value, number.unit) for number in numbers if number.key.partition(".")[0] in groups]
-        yield table_part(Table(title, _NUMBER_COLUMNS, rows), columns=True)
+    for name, run in runs.items():
+        try:
+            numbers = Variation(run.inputs).parameters.values()
+        except UsageError as error:
+            yield list_part([f"{name}: {error}" if len(runs) > 1 else str(error)])
+            continue
+        for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
+            rows = [
+                (number.key, number.value, number.unit) for number in numbers if number.key.partition(".")[0] in groups
+            ]
+            tables.setdefault((title, tuple(rows)), []).append(name)
+    for (title, rows), names in sorted(tables.items(), key=lambda item: item[0][0] == "Aircraft"):
+        of_runs = f": {', '.join(names)}" if len(runs) > 1 else ""
+        yield table_part(Table(f"{title}{of_runs}", _NUMBER_COLUMNS, rows), columns=True)
+
+
+def _texts(runs: Mapping[str, RunState]) -> Iterator[Part]:
+    """Yield the texts of all files, once for all runs that have the same one."""
+    names_by_text: dict[tuple[str, str], list[str]] = {}
+    for name, run in runs.items():
+        for what, document in _documents(run):
+            names_by_text.setdefault((what, document.text), []).append(name)
+    for (what, text), names in names_by_text.items():
+        title = f"{what} of {', '.join(names)}" if len(runs) > 1 else what
+        yield Part(f"<h3>{escape_html(title)}</h3><pre>{escape_html(text)}</pre>", {title: text})
+
+
+def _digest(run: RunState) -> str:
+    """Return the SHA-256 of the file of a run; empty where it has none."""
+    content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
+    return hashlib.sha256(content).hexdigest() if content else ""
+
+
+def _mark(runs: Mapping[str, RunState]) -> str:
+    """Return what stands on every page, by which it is known of which runs it is."""
+    digests = [_digest(run) or inputs_hash(run.checkpoint.inputs.resolved) for run in runs.values()]
+    if len(digests) == 1:
+        return f"run {digests[0][:16]}"
+    return f"runs {' '.join(digest[:8] for digest in digests)}"
 
 
 def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:

@@ -345,12 +345,11 @@ def test_all_disturbances_are_told_and_where_they_are_not_those_of_the_reserve()
 
 
 def test_results_in_short_are_those_of_the_worst_case_with_its_name() -> None:
-    good, worse = case(), case().result
-    counts = {**worse.counts, OVER_G: Count.with_interval(FLIGHTS, FLIGHTS)}
-    contact = Count.with_interval(FLIGHTS - 1, FLIGHTS)
-    bad = replace(
-        good, result=replace(worse, contact=contact, counts=counts), uncertified="the optimum is not certified"
-    )
+    none, most, result = Count.with_interval(0, FLIGHTS), Count.with_interval(FLIGHTS - 1, FLIGHTS), case().result
+    counts = dict.fromkeys(result.counts, none)
+    good = replace(case(), result=replace(result, contact=none, counts=counts))
+    worse = replace(result, contact=most, counts={**counts, OVER_G: most})
+    bad = replace(case(), result=worse, uncertified="the optimum is not certified")
     runs = {"good.h5": flown(), "bad.h5": flown()}
     of = of_runs(runs, {"good.h5": good, "bad.h5": bad})
     rows = document_tables(of)["Of all cases the worst"]["rows"]
@@ -358,6 +357,26 @@ def test_results_in_short_are_those_of_the_worst_case_with_its_name() -> None:
     assert rows[1][2] == "good.h5"  # as bad as the other
     assert rows[-1][2] == "bad.h5"
     assert "The optimum is not certified (bad.h5)." in known(of, "To be known first")
+
+
+def test_files_hashes_and_aircraft_of_all_runs_are_inputs_and_their_mark(tmp_path: Path) -> None:
+    heavy = Document("heavy.yaml", AIRCRAFT.text.replace("name: ", "name: heavy ", 1))
+    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), heavy, FROM_PLAN, ())
+    runs = {
+        "a.h5": flown().save(tmp_path / "a.h5"),
+        "b.h5": new_run(inputs_, None).with_stage(optimum()).save(tmp_path / "b.h5"),
+    }
+    opened = {name: airrace.open(path) for name, path in runs.items()}
+    printed = safety_document(of_runs(opened, dict.fromkeys(runs, case())), drawn=False)
+    page = html.document_fromstring(printed.html())
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in runs.values()]
+    assert all(digest in chapters(page)["Inputs"] for digest in digests)
+    assert hashlib.sha256(heavy.text.encode()).hexdigest() in chapters(page)["Inputs"]
+    assert "b.h5: aircraft heavy.yaml" in chapters(page)["Inputs"]
+    texts = [text.text_content().strip() for text in page.iter("pre")]
+    assert texts.count(COURSE.strip()) == 1
+    assert heavy.text.strip() in texts
+    assert printed.mark == f"runs {digests[0][:8]} {digests[1][:8]}"
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
