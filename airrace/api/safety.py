@@ -145,7 +145,7 @@ def safety(
     from airrace.runs.output import ensure_free
     from airrace.runs.run_state import RunState, open_run
     from airrace.runs.safety_case import SafetyCase
-    from airrace.runs.safety_document import CaseNotes, SimulatedRun
+    from airrace.runs.safety_document import CaseNotes, SimulatedRun, ensure_one_course
     from airrace.runs.safety_files import DOCUMENTS, ensure_safety_file, lets_fall, write_safety_file
     from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs, own_case
 
@@ -193,6 +193,9 @@ def safety(
         left = None if timeout is None else max(until - time.monotonic(), 1e-3)
         run = optimize(track, aircraft=aircraft_, threads=threads, timeout=left, progress=progress)
         runs_by_name[f"{track} {run.race.aircraft.name}"] = run
+
+    if lets_fall(path):
+        ensure_one_course(runs_by_name)
 
     def case_of(run: Run) -> SafetyCase | SafetyRose:
         if winds is not None:

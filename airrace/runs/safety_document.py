@@ -27,7 +27,7 @@ from airrace.flights.safety.impacts import outlines_of
 from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE, Thing
 from airrace.flights.safety.monte_carlo import OVER_G, Count, Nearness, SafetyResult
 from airrace.flights.safety.over_g import LOAD_ALLOWED
-from airrace.model.track.course import Course, geodetic
+from airrace.model.track.course import Course, PilotLimits, geodetic
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.document import (
     Chapter,
@@ -174,6 +174,27 @@ def named_cases(of: SimulatedRun) -> list[NamedCase]:
     if not own_is_named:
         named.insert(0, NamedCase(f"{of.own.label}, its own wind", of.own, of.run, in_own_wind=True))
     return named
+
+
+def ensure_one_course(runs: Mapping[str, RunState]) -> None:
+    """Find out whether one document can be of all these runs: their courses are the same but for margins and pilots.
+
+    Raises:
+        UsageError: two of the courses differ.
+    """
+    (first, run), *others = runs.items()
+    for name, other in others:
+        if _course_of(other) != _course_of(run):
+            raise UsageError(
+                f"a document is of one course: {first} ({run.race.course.name}) and {name} ({other.race.course.name}) "
+                "are of different ones; write a document for each"
+            )
+
+
+def _course_of(run: RunState) -> Course:
+    """Return the course of a run without what belongs to its line and its pilot."""
+    course = run.race.by_rules.course
+    return replace(course, rules=replace(course.rules, pilot=PilotLimits()))
 
 
 def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: bool = True) -> Document:

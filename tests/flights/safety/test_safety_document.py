@@ -33,9 +33,10 @@ from airrace.pages.views.drawing import figure_address
 from airrace.pages.views.safety_views import BANDS, envelope_figure
 from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import ReplannedFlights, SafetyCase
-from airrace.runs.safety_document import NO_CROWD, CaseNotes, SimulatedRun, safety_document
+from airrace.runs.safety_document import NO_CROWD, CaseNotes, SimulatedRun, ensure_one_course, safety_document
 from airrace.runs.safety_files import ensure_safety_file, write_safety_file
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs
+from airrace.runs.stage_view import StageView
 
 CROWD = "crowd: {stands: {polygon: [{north_m: 500, east_m: 400}, {north_m: 600, east_m: 400}, \
 {north_m: 600, east_m: 450}], distance_m: 100}}\n"
@@ -377,6 +378,18 @@ def test_files_hashes_and_aircraft_of_all_runs_are_inputs_and_their_mark(tmp_pat
     assert texts.count(COURSE.strip()) == 1
     assert heavy.text.strip() in texts
     assert printed.mark == f"runs {digests[0][:8]} {digests[1][:8]}"
+
+
+def test_runs_of_different_courses_are_refused_before_they_are_flown(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ensure_one_course({"a.h5": flown(), "b.h5": reserved(), "c.h5": margined("rules.pilot=race")})
+    monkeypatch.setattr(StageView, "safety", lambda *_, **__: pytest.fail("it is flown"))
+    wider = margined("gates.first.width_m=14", "name=another course").save(tmp_path / "wider.h5")
+    for name in ("case.html", "case.json"):
+        ran = command("safety", stored, wider, "--flights", str(FLIGHTS), "--output", tmp_path / name)
+        assert ran.code == 2
+        assert f"{stored} (three gates and a pylon) and {wider} (another course)" in ran.err
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
