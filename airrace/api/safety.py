@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -208,11 +208,23 @@ def safety(
             count.begin(run.label)
             return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, until=until)
 
-    run = next(iter(runs_by_name.values()))
+    def told_of(cases: Mapping[str, SafetyCase | SafetyRose | str]) -> tuple[Run, SafetyCase]:
+        """Return the first run that has flights in its own wind, and these."""
+        why: UsageError | None = None
+        for name, of_run in cases.items():
+            run = runs_by_name[name]
+            if isinstance(of_run, str):
+                continue
+            try:
+                return run, own_case(run, of_run) or flown_alone(run)
+            except UsageError as error:
+                why = why or error
+        raise why or UsageError("no run has flights in its own wind")
+
+    name, run = next(iter(runs_by_name.items()))
     case = case_of(run) if len(runs_by_name) == 1 else fly_runs(runs_by_name, case_of)
     if path is not None:
-        of_run = next(iter(case.cases.values())) if isinstance(case, SafetyRuns) else case
-        own = own_case(run, of_run) or flown_alone(run)
+        run, own = told_of(case.cases if isinstance(case, SafetyRuns) else {name: case})
         named = runs_by_name if isinstance(case, SafetyRuns) else {}
         simulated = SimulatedRun(run, run.stage(stage), replace(own, label=run.label), case, named)
         write_safety_file(path, simulated, notes)

@@ -380,6 +380,22 @@ def test_files_hashes_and_aircraft_of_all_runs_are_inputs_and_their_mark(tmp_pat
     assert printed.mark == f"runs {digests[0][:8]} {digests[1][:8]}"
 
 
+def test_the_first_run_with_flights_is_told_of(stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    unsteady, written, fly = flown().save(tmp_path / "unsteady.h5"), tmp_path / "case.html", StageView.safety
+
+    def fly_or_not(view: StageView, **options: Any) -> SafetyCase:
+        if options["label"] == unsteady.name:
+            raise UsageError("a pilot cannot hold this optimum")
+        return fly(view, **options)
+
+    monkeypatch.setattr(StageView, "safety", fly_or_not)
+    arguments = ("--flights", str(FLIGHTS), "--threads", "1", "--output", written)
+    assert command("safety", unsteady, stored, *arguments).code == 5
+    told = html.document_fromstring(written.read_text(encoding="utf-8")).text_content()
+    assert "a pilot cannot hold this optimum" in told
+    assert f"{FLIGHTS} closed-loop flights, in light gusts" in told
+
+
 def test_runs_of_different_courses_are_refused_before_they_are_flown(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
