@@ -1,6 +1,7 @@
 """The safety of a flight as tables: what closed-loop flights along it break, and their scatter at gates and legs."""
 
 import math
+import time
 from collections.abc import Generator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import stdtrit
 
-from airrace.errors import UsageError
+from airrace.errors import OutOfTime, UsageError
 from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
@@ -158,6 +159,7 @@ class SafetyCase:
         uncertified: why the optimum is not certified, a sentence; empty where it is.
         no_crowd: whether the course names no crowd, so that nothing is known of distances from people.
         replanned: the same flights with their line replanned; None where they were not flown.
+        none_replanned: whether they were asked for, and the time was over before any of them was flown.
     """
 
     label: str
@@ -166,13 +168,21 @@ class SafetyCase:
     uncertified: str
     no_crowd: bool
     replanned: ReplannedFlights | None = None
+    none_replanned: bool = False
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the time was over before all was flown."""
+        results = [self.result, *([self.replanned.result] if self.replanned else [])]
+        return self.none_replanned or any(result.flights < result.asked for result in results)
 
     @property
     def remarks(self) -> list[str]:
         """Sentences that belong to the numbers."""
         flights, asked = self.result.flights, self.result.asked
         cut = f"the time was over after {flights} of {asked} flights" if flights < asked else ""
-        remarks = [remark for remark in (self.uncertified, self.result.note, cut) if remark]
+        none_replanned = "the time was over before any flight along replanned lines" if self.none_replanned else ""
+        remarks = [remark for remark in (self.uncertified, self.result.note, cut, none_replanned) if remark]
         if self.no_crowd:
             remarks.append("the course names no crowd: distances from people were not looked at")
         return remarks
@@ -365,24 +375,33 @@ def fly_safety_case(
         )
 
     closed_loop, replanned = fly(), None
-    if replan is not None:
-        with _replanning(race, result, *replan, threads or available_cores()) as replanning:
-            replanned = ReplannedFlights(replan[0], fly(replanning))
+    if replan is not None and time.monotonic() <= until:
+        with _replanning(race, result, *replan, threads or available_cores(), until) as replanning:
+            try:
+                replanned = ReplannedFlights(replan[0], fly(replanning))
+            except OutOfTime:
+                replanned = None
     (_, why) = verdict([result])
     uncertified = f"the optimum is not certified: {why}" if why else ""
     return SafetyCase(
-        label, result.stage.value, closed_loop, uncertified, no_crowd=not race.course.crowd, replanned=replanned
+        label,
+        result.stage.value,
+        closed_loop,
+        uncertified,
+        no_crowd=not race.course.crowd,
+        replanned=replanned,
+        none_replanned=replan is not None and replanned is None,
     )
 
 
 @contextmanager
 def _replanning(
-    race: Race, result: StageResult, interval: float, settings: Settings, threads: int
+    race: Race, result: StageResult, interval: float, settings: Settings, threads: int, until: float
 ) -> Generator[Replanning]:
     """Yield what replans lines, with solver processes that end with it."""
     rest = CostToGo.of_result(race, settings, result)
     with new_service(1) as service, closing(SolverSession(service, settings, Silent(), threads)) as session:
-        yield Replanning(rest, session, interval)
+        yield Replanning(rest, session, interval, until)
 
 
 def _line_values(result: SafetyResult) -> list[Value]:
