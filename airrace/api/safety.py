@@ -206,7 +206,7 @@ def safety(
     def flown_alone(run: Run) -> SafetyCase:
         with counting(shown=progress) as count:
             count.begin(run.label)
-            return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, until=until)
+            return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, begin=count.begin, until=until)
 
     def told_of(cases: Mapping[str, SafetyCase | SafetyRose | str]) -> tuple[Run, SafetyCase]:
         """Return the first run that has flights in its own wind, and these."""

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,6 +43,14 @@ from airrace.race import Race
 from airrace.runs.output import write_text
 from airrace.runs.verdict import verdict
 from airrace.runtime.process import available_cores
+
+Begin = Callable[[str], None]
+"""Is told the words of what is flown next, which takes a time of its own."""
+
+
+def unannounced(title: str) -> None:
+    """Tell nobody."""
+
 
 _DEGREES = 180.0 / math.pi
 _UNITS = {
@@ -193,7 +201,8 @@ class SafetyCase:
         tables = [self.counts_table(), self.distances_table(), *scatter]
         if self.replanned is None:
             return tables
-        case = replace(self, label=f"{self.label}, {self._replanned_words}", result=self.replanned.result)
+        words = _replanned_words(self.replanned.interval)
+        case = replace(self, label=f"{self.label}, {words}", result=self.replanned.result)
         gates = case.gates_table().without_empty_columns()
         return [*tables, case.counts_table(), case.distances_table(), gates, self.lines_table()]
 
@@ -201,7 +210,7 @@ class SafetyCase:
         """Return the optimum as the line, and below it the replanned one, with what came of their flights."""
         rows, notes = [["the optimum", *_line_values(self.result)]], list[str]()
         if self.replanned is not None:
-            rows.append([self._replanned_words, *_line_values(self.replanned.result)])
+            rows.append([_replanned_words(self.replanned.interval), *_line_values(self.replanned.result)])
             replanned, optimum = self.replanned.result.race_times, self.result.race_times
             both = min(len(replanned), len(optimum))  # a time limit may have ended the flights of one earlier
             mean, interval = _mean(replanned[:both] - optimum[:both])
@@ -211,10 +220,6 @@ class SafetyCase:
             "median over the gates of what 95 % do not exceed; +/-, from, to: intervals of confidence 95 %"
         )
         return Table(f"{self.label}: the line that is followed", LINES, rows, notes)
-
-    @property
-    def _replanned_words(self) -> str:
-        return f"replanned every {self.replanned.interval:g} s" if self.replanned else ""
 
     def counts_table(self) -> Table:
         """Return how many flights broke what."""
@@ -331,6 +336,7 @@ def fly_safety_case(
     penalties: Penalties = NONE_KNOWN,
     falls: bool = False,
     watch: Watch = unwatched,
+    begin: Begin = unannounced,
     until: float = math.inf,
 ) -> SafetyCase:
     """Fly a stage's optimum many times.
@@ -344,7 +350,8 @@ def fly_safety_case(
         delay: of the pilot, s.
         replan: the time between two lines, s, and the settings by which the race is solved, to fly the same flights
             with the line replanned as well; None to leave that.
-        penalties, falls, watch, until: likewise; replanned flights are told by themselves.
+        penalties, falls, watch, until: likewise.
+        begin: is told of replanned flights before they are watched: they take much longer.
 
     Raises:
         UsageError: an argument is out of range, or the stage is none that could be simulated.
@@ -377,6 +384,7 @@ def fly_safety_case(
     closed_loop, replanned = fly(), None
     if replan is not None and time.monotonic() <= until:
         with _replanning(race, result, *replan, threads or available_cores(), until) as replanning:
+            begin(f"{label}, {_replanned_words(replan[0])}")
             try:
                 replanned = ReplannedFlights(replan[0], fly(replanning))
             except OutOfTime:
@@ -392,6 +400,11 @@ def fly_safety_case(
         replanned=replanned,
         none_replanned=replan is not None and replanned is None,
     )
+
+
+def _replanned_words(interval: float) -> str:
+    """Return what lines are called that are replanned so often, s."""
+    return f"replanned every {interval:g} s"
 
 
 @contextmanager

@@ -162,3 +162,17 @@ def test_what_was_not_replanned_in_time_is_told_as_cut() -> None:
     case = fly_safety_case(inputs().race, optimum(), "course", 2, "light", LIGHT, **options)
     assert (case.result.flights, case.replanned, is_cut(case)) == (2, None, True)
     assert "the time was over before any flight along replanned lines" in case.remarks
+
+
+def test_replanned_flights_are_a_task_of_their_own() -> None:
+    told: list[object] = []
+    fly_safety_case(
+        *(inputs().race, optimum(), "short", 2, "light", LIGHT),
+        delay=0.1,
+        seed=0,
+        threads=2,
+        replan=(3.0, inputs().settings),
+        watch=lambda done, of, broken: told.append((done, of)),
+        begin=told.append,
+    )
+    assert told == [(0, 2), (2, 2), "short, replanned every 3 s", (0, 2), (2, 2)]
