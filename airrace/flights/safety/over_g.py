@@ -77,12 +77,17 @@ class LoadRule:
         return np.asarray(lasts | (load > self.at_once + LOAD_ALLOWED) | (load < self.lower - LOAD_ALLOWED))
 
     def pulls(self, load: Array, sample: float, counts: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return at which samples a pull that counts begins, shape (K, n).
+        """Return at which samples a pull begins to count, shape (K, n): once for as long as the load stays beyond.
 
         Args:
             load, sample: see `counted`.
             counts: the samples that are looked at, shape (K, n).
         """
         counted = self.counted(load, sample) & counts
-        before = np.concatenate([np.zeros((1, load.shape[1]), bool), counted[:-1]])
-        return np.asarray(counted & ~before)
+        above = load > min(self.upper, self.at_once) + LOAD_ALLOWED
+        beyond = above.astype(np.int8) - (load < self.lower - LOAD_ALLOWED)  # -1 where it pushes
+        before = np.concatenate([np.zeros((1, load.shape[1]), np.int8), beyond[:-1]])
+        counted_so_far = np.cumsum(counted, axis=0)
+        counted_earlier = np.where((beyond != 0) & (beyond != before), counted_so_far - counted, 0)
+        in_this_pull = counted_so_far - np.maximum.accumulate(counted_earlier, axis=0)
+        return np.asarray(counted & (in_this_pull == 1))

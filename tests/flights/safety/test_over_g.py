@@ -17,11 +17,17 @@ SAMPLE = 0.02
 LADDER = LoadRule(lower=-2.0, upper=10.0, lasting=0.6, at_once=12.0, penalty=ENDS_RACE)
 
 
-def pulls(rule: LoadRule, *stretches: tuple[float, float]) -> int:
-    """The pulls that count of a load factor that is 5 g but for some stretches of a level (g) and a time (s)."""
+def pulls(rule: LoadRule, *stretches: tuple[float, float], **joined: tuple[float, float]) -> int:
+    """The pulls that count of a load factor that is 5 g but for some stretches of a level (g) and a time (s).
+
+    Those that are `joined` follow the last of the others without a break.
+    """
     parts = [np.full(50, 5.0)]
     for level, time in stretches:
         parts += [np.full(round(time / SAMPLE), level), np.full(50, 5.0)]
+    if joined:
+        parts[-1:] = [np.full(round(time / SAMPLE), level) for level, time in joined.values()]
+    parts.append(np.full(50, 5.0))
     load = np.concatenate(parts)[:, None]
     return int(rule.pulls(load, SAMPLE, np.ones(load.shape, bool)).sum())
 
@@ -38,6 +44,14 @@ def test_without_a_ladder_every_pull_counts_and_each_once() -> None:
     plain = replace(LADDER, lasting=0.0, at_once=math.inf, penalty=None)
     assert pulls(plain, (10.5, 0.02), (10.2, 3.0), (10.0 + 0.5 * LOAD_ALLOWED, 1.0)) == 2
     assert pulls(LADDER, (10.5, 0.7), (10.5, 0.5), (10.5, 0.7)) == 2
+
+
+@pytest.mark.parametrize("lasting", [0.3, 0.7, 1.5])
+def test_a_pull_with_a_peak_is_one_pull_and_a_break_makes_two(lasting: float) -> None:
+    """Whether or not it has counted, and has ceased to, by what it lasts before its peak ends the race."""
+    assert pulls(LADDER, (10.5, lasting), peak=(12.5, 0.1), after=(10.5, 0.1)) == 1
+    assert pulls(LADDER, (10.5, lasting), peak=(9.0, 0.1), after=(12.5, 0.1)) == (1 if lasting < 0.6 else 2)
+    assert pulls(LADDER, (10.5, 0.7), peak=(-2.5, 0.1), after=(5.0, 0.1)) == 2
 
 
 def test_what_lies_outside_of_the_race_does_not_count() -> None:
