@@ -77,9 +77,16 @@ def test_the_rule_is_that_of_the_season_and_of_the_aircraft() -> None:
     season = load_inputs("chiba_2015")
     rule = LoadRule.from_penalties(season.race, season.penalties)
     assert (rule.upper, rule.lasting, rule.at_once, rule.penalty) == (10.0, 0.6, 12.0, ENDS_RACE)
-    assert rule.text == "more than 10 g for 0.6 s, which ends the race; more than 12 g at once; less than -2 g"
+    at_once = "more than 12 g at once, which ends the race; less than -2 g"
+    assert rule.text == f"more than 10 g for 0.6 s, which ends the race; {at_once}"
+    for preset, pull in (("rbar-2018", "more than 10 g for 0.6 s"), ("rbar-2019", "more than 11 g")):
+        season = load_inputs("chiba_2015", overrides=[f"rules.preset={preset}"])
+        rule = LoadRule.from_penalties(season.race, season.penalties)
+        assert rule.text == f"{pull}, which costs 1 s; {at_once}"
     none = load_inputs("rovinj_2014")
     assert LoadRule.from_penalties(none.race, none.penalties).text == "more than 10 g; less than -2 g"
     ladder = Penalties(load_factor=1.0, load_factor_time=0.6, load_factor_end=12.0)
-    assert LoadRule.from_penalties(of_aircraft(7.0), ladder).at_once == 7.0
+    of_weak = LoadRule.from_penalties(of_aircraft(7.0), ladder)
+    assert of_weak.at_once == 7.0
+    assert "more than 7 g at once, which is the aircraft's limit; more than 12 g at once, which ends" in of_weak.text
     assert LoadRule.from_penalties(of_aircraft(7.0)).upper == 7.0
