@@ -146,16 +146,19 @@ def safety(
     from airrace.runs.run_state import RunState, open_run
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_document import CaseNotes, SimulatedRun, ensure_one_course
-    from airrace.runs.safety_files import DOCUMENTS, ensure_safety_file, lets_fall, write_safety_file
+    from airrace.runs.safety_files import ensure_safety_file, lets_fall, write_safety_file
     from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs, own_case
 
     path = None if output is None else Path(output)
     if path is not None:
         ensure_safety_file(path, flights, len(runs) * len(aircraft or [None]))
         ensure_free(path, force=force, sources=[*runs, *aircraft])
-    notes = CaseNotes(prepared_for, valid, revision, sign_for)
-    if notes != CaseNotes() and (path is None or path.suffix.lower() not in (*DOCUMENTS, ".json")):
-        raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
+    notes = CaseNotes(prepared_for, valid, revision, tuple(sign_for))
+    if not lets_fall(path):
+        in_documents = {"--sign-for": sign_for, "--for": prepared_for, "--valid": valid, "--revision": revision}
+        for option, value in in_documents.items():
+            if value:
+                raise UsageError(f"{option} is part of a document: name one with --output, .html, .pdf or .json")
     ensure_time(timeout)
     until = math.inf if timeout is None else time.monotonic() + timeout
     if winds is not None:

@@ -18,6 +18,7 @@ from safety_courses import COURSE, inputs, optimum
 from short_course import AIRCRAFT, FROM_PLAN
 
 import airrace
+from airrace.api.safety import safety
 from airrace.errors import StorageError, UsageError
 from airrace.files.inputs import Document, inputs_from_documents, load_inputs
 from airrace.files.inputs.air import Wind
@@ -530,6 +531,11 @@ def test_python_writes_the_same_document(stored: Path, tmp_path: Path) -> None:
     assert written == safety_document(SimulatedRun(run, run.stage(), found, found)).html()
 
 
+def test_nobody_who_signs_asks_for_no_document(stored: Path) -> None:
+    nobody: list[str] = []
+    assert isinstance(safety(stored, flights=1, threads=1, sign_for=nobody), SafetyCase)
+
+
 def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
     other = flown(CROWD).save(tmp_path / "other.h5")
     ran = command("safety", stored, other, "--flights", "2", "--threads", "1", "--json")
@@ -544,7 +550,8 @@ def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
         (("--output", "case.txt"), ".html or .pdf for documents"),
         (("--output", "case.html", "--flights", "39"), "an envelope needs 40 flights or more, not 39"),
         (("--output", "case.png", "OTHER"), "of one run; 2 runs are given"),
-        (("--sign-for", "me"), "--sign-for leaves a place in a document"),
+        (("--sign-for", "me"), "--sign-for is part of a document: name one with --output, .html, .pdf or .json"),
+        (("--valid", "2026", "--output", "case.csv"), "--valid is part of a document"),
         (("--winds", "5"), "is no rose of winds"),
         (("--winds", "5kt", "--stage", "six-dof"), "exclude each other"),
         (("--winds", "5kt", "--replan", "1"), "name one run, without --winds"),
