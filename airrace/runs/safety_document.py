@@ -542,8 +542,11 @@ def _distances(cases: Mapping[str, SafetyCase | str], flight: Flight) -> Iterato
 
 
 def _every(every: SafetyCase | SafetyRose | SafetyRuns) -> Iterator[Part]:
-    if not isinstance(every, SafetyCase):
-        yield table_part(replace(every.table(), title="", notes=[IN_WINDS]))
+    if isinstance(every, SafetyCase):
+        return
+    cases = every.cases.values() if isinstance(every, SafetyRuns) else [every]
+    notes = [IN_WINDS] if any(isinstance(case, SafetyRose) for case in cases) else []
+    yield table_part(replace(every.table(), title="", notes=notes))
 
 
 def _loads_table(flight: Flight) -> Table:

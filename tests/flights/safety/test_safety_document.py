@@ -34,7 +34,7 @@ from airrace.pages.views.drawing import figure_address
 from airrace.pages.views.safety_views import BANDS, envelope_figure
 from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import ReplannedFlights, SafetyCase
-from airrace.runs.safety_document import NO_CROWD, CaseNotes, SimulatedRun, ensure_one_course, safety_document
+from airrace.runs.safety_document import IN_WINDS, NO_CROWD, CaseNotes, SimulatedRun, ensure_one_course, safety_document
 from airrace.runs.safety_files import ensure_safety_file, write_safety_file
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs
 from airrace.runs.stage_view import StageView
@@ -190,6 +190,11 @@ def test_winds_are_reported_where_they_are_given() -> None:
     told = chapters(page_of(rose=rose))["In every wind and of every aircraft"]
     assert "90 kt from 180" in told
     assert "no flight was found: too much wind" in told
+    assert IN_WINDS in told
+    runs = {"a.h5": flown(), "b.h5": flown()}
+    of = of_runs(runs, dict.fromkeys(runs, case()))
+    page = html.document_fromstring(safety_document(of, drawn=False).html())
+    assert IN_WINDS not in chapters(page)["In every wind and of every aircraft"]
 
 
 def numbers_in(content: object) -> tuple[set[str], list[float]]:
