@@ -31,7 +31,7 @@ from airrace.flights.safety.monte_carlo import (
 )
 from airrace.flights.safety.over_g import LOAD_ALLOWED
 from airrace.flights.safety.pilot import PilotModel
-from airrace.flights.safety.replanning import Replanning
+from airrace.flights.safety.replanning import Replanning, ensure_replanned
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.tables import Column, Table, Value
@@ -364,6 +364,8 @@ def fly_safety_case(
     if seed < 0:
         raise UsageError(f"a seed of {seed} is out of range: it must be 0 or larger")
     scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
+    if replan is not None and result.is_flight:
+        ensure_replanned(replan[0], result.trajectory.race_time, delay)
 
     def fly(replanning: Replanning | None = None) -> SafetyResult:
         return fly_closed_loop(

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.errors import OutOfTime
+from airrace.errors import OutOfTime, UsageError
 from airrace.flights.safety.nominal import TABLE_STEP, NominalFlight, instants
 from airrace.flights.safety.pilot import PilotModel, linearise, train
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, DisturbedPlant, advance
@@ -58,6 +58,25 @@ class Replanning:
     session: SolverSession
     interval: float
     until: float = math.inf
+
+
+def ensure_replanned(interval: float, race_time: float, delay: float) -> None:
+    """Find out whether a race is long enough for a new line: the first comes after an interval, and none in the last.
+
+    Args:
+        interval: between two lines of a flight, s.
+        race_time: of the optimum, s.
+        delay: of the pilot, s.
+
+    Raises:
+        UsageError: it is too short.
+    """
+    most = 0.5 * (race_time - delay)
+    if interval >= most:
+        raise UsageError(
+            f"a new line every {interval:g} s is none in a race of {race_time:.1f} s: the first comes after that time, "
+            f"and none in the last {interval + delay:g} s; it must be less than every {most:.1f} s"
+        )
 
 
 class ReplannedLines:

@@ -17,7 +17,7 @@ from airrace.flights.safety.judge import Judge, measure
 from airrace.flights.safety.monte_carlo import fly_closed_loop
 from airrace.flights.safety.nominal import TABLE_STEP, displace
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, advance
-from airrace.flights.safety.replanning import JOBS, PAST, ReplannedLines, Replanning
+from airrace.flights.safety.replanning import JOBS, PAST, ReplannedLines, Replanning, ensure_replanned
 from airrace.procedure.cost_to_go import CostToGo, new_service
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
@@ -176,3 +176,19 @@ def test_replanned_flights_are_a_task_of_their_own() -> None:
         begin=told.append,
     )
     assert told == [(0, 2), (2, 2), "short, replanned every 3 s", (0, 2), (2, 2)]
+
+
+def test_a_race_that_is_over_before_a_line_is_planned_is_refused() -> None:
+    most = 0.5 * (optimum().trajectory.race_time - 0.1)
+    flown: list[int] = []
+    with pytest.raises(UsageError, match=rf"it must be less than every {most:.1f} s"):
+        fly_safety_case(
+            *(inputs().race, optimum(), "short", 2, "light", LIGHT),
+            delay=0.1,
+            seed=0,
+            threads=1,
+            replan=(most + 0.01, inputs().settings),
+            watch=lambda done, *_: flown.append(done),
+        )
+    assert not flown
+    ensure_replanned(most - 0.01, optimum().trajectory.race_time, 0.1)
