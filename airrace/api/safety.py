@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -145,17 +145,20 @@ def safety(
     from airrace.runs.output import ensure_free
     from airrace.runs.run_state import RunState, open_run
     from airrace.runs.safety_case import SafetyCase
-    from airrace.runs.safety_document import CaseNotes, SimulatedRun
-    from airrace.runs.safety_files import DOCUMENTS, ensure_safety_file, lets_fall, write_safety_file
+    from airrace.runs.safety_document import CaseNotes, SimulatedRun, ensure_one_course
+    from airrace.runs.safety_files import ensure_safety_file, lets_fall, write_safety_file
     from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs, own_case
 
     path = None if output is None else Path(output)
     if path is not None:
         ensure_safety_file(path, flights, len(runs) * len(aircraft or [None]))
         ensure_free(path, force=force, sources=[*runs, *aircraft])
-    notes = CaseNotes(prepared_for, valid, revision, sign_for)
-    if notes != CaseNotes() and (path is None or path.suffix.lower() not in (*DOCUMENTS, ".json")):
-        raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
+    notes = CaseNotes(prepared_for, valid, revision, tuple(sign_for))
+    if not lets_fall(path):
+        in_documents = {"--sign-for": sign_for, "--for": prepared_for, "--valid": valid, "--revision": revision}
+        for option, value in in_documents.items():
+            if value:
+                raise UsageError(f"{option} is part of a document: name one with --output, .html, .pdf or .json")
     ensure_time(timeout)
     until = math.inf if timeout is None else time.monotonic() + timeout
     if winds is not None:
@@ -194,6 +197,9 @@ def safety(
         run = optimize(track, aircraft=aircraft_, threads=threads, timeout=left, progress=progress)
         runs_by_name[f"{track} {run.race.aircraft.name}"] = run
 
+    if lets_fall(path):
+        ensure_one_course(runs_by_name)
+
     def case_of(run: Run) -> SafetyCase | SafetyRose:
         if winds is not None:
             left = None if timeout is None else max(until - time.monotonic(), 1e-3)
@@ -203,14 +209,28 @@ def safety(
     def flown_alone(run: Run) -> SafetyCase:
         with counting(shown=progress) as count:
             count.begin(run.label)
-            return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, until=until)
+            return run.stage(stage).safety(**loop, label=run.label, watch=count.watch, begin=count.begin, until=until)
 
-    run = next(iter(runs_by_name.values()))
+    def told_of(cases: Mapping[str, SafetyCase | SafetyRose | str]) -> tuple[Run, SafetyCase]:
+        """Return the first run that has flights in its own wind, and these."""
+        why: UsageError | None = None
+        for name, of_run in cases.items():
+            run = runs_by_name[name]
+            if isinstance(of_run, str):
+                continue
+            try:
+                return run, own_case(run, of_run) or flown_alone(run)
+            except UsageError as error:
+                why = why or error
+        raise why or UsageError("no run has flights in its own wind")
+
+    name, run = next(iter(runs_by_name.items()))
     case = case_of(run) if len(runs_by_name) == 1 else fly_runs(runs_by_name, case_of)
     if path is not None:
-        of_run = next(iter(case.cases.values())) if isinstance(case, SafetyRuns) else case
-        own = own_case(run, of_run) or flown_alone(run)
-        write_safety_file(path, SimulatedRun(run, run.stage(stage), replace(own, label=run.label), case), notes)
+        run, own = told_of(case.cases if isinstance(case, SafetyRuns) else {name: case})
+        named = runs_by_name if isinstance(case, SafetyRuns) else {}
+        simulated = SimulatedRun(run, run.stage(stage), replace(own, label=run.label), case, named)
+        write_safety_file(path, simulated, notes)
     return case
 
 

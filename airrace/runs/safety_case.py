@@ -1,7 +1,8 @@
 """The safety of a flight as tables: what closed-loop flights along it break, and their scatter at gates and legs."""
 
 import math
-from collections.abc import Generator, Sequence
+import time
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import stdtrit
 
-from airrace.errors import UsageError
+from airrace.errors import OutOfTime, UsageError
 from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.disturbances import Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
@@ -30,7 +31,7 @@ from airrace.flights.safety.monte_carlo import (
 )
 from airrace.flights.safety.over_g import LOAD_ALLOWED
 from airrace.flights.safety.pilot import PilotModel
-from airrace.flights.safety.replanning import Replanning
+from airrace.flights.safety.replanning import Replanning, ensure_replanned
 from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.views.tables import Column, Table, Value
@@ -42,6 +43,14 @@ from airrace.race import Race
 from airrace.runs.output import write_text
 from airrace.runs.verdict import verdict
 from airrace.runtime.process import available_cores
+
+Begin = Callable[[str], None]
+"""Is told the words of what is flown next, which takes a time of its own."""
+
+
+def unannounced(title: str) -> None:
+    """Tell nobody."""
+
 
 _DEGREES = 180.0 / math.pi
 _UNITS = {
@@ -158,6 +167,7 @@ class SafetyCase:
         uncertified: why the optimum is not certified, a sentence; empty where it is.
         no_crowd: whether the course names no crowd, so that nothing is known of distances from people.
         replanned: the same flights with their line replanned; None where they were not flown.
+        none_replanned: whether they were asked for, and the time was over before any of them was flown.
     """
 
     label: str
@@ -166,13 +176,21 @@ class SafetyCase:
     uncertified: str
     no_crowd: bool
     replanned: ReplannedFlights | None = None
+    none_replanned: bool = False
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the time was over before all was flown."""
+        results = [self.result, *([self.replanned.result] if self.replanned else [])]
+        return self.none_replanned or any(result.flights < result.asked for result in results)
 
     @property
     def remarks(self) -> list[str]:
         """Sentences that belong to the numbers."""
         flights, asked = self.result.flights, self.result.asked
         cut = f"the time was over after {flights} of {asked} flights" if flights < asked else ""
-        remarks = [remark for remark in (self.uncertified, self.result.note, cut) if remark]
+        none_replanned = "the time was over before any flight along replanned lines" if self.none_replanned else ""
+        remarks = [remark for remark in (self.uncertified, self.result.note, cut, none_replanned) if remark]
         if self.no_crowd:
             remarks.append("the course names no crowd: distances from people were not looked at")
         return remarks
@@ -183,7 +201,8 @@ class SafetyCase:
         tables = [self.counts_table(), self.distances_table(), *scatter]
         if self.replanned is None:
             return tables
-        case = replace(self, label=f"{self.label}, {self._replanned_words}", result=self.replanned.result)
+        words = _replanned_words(self.replanned.interval)
+        case = replace(self, label=f"{self.label}, {words}", result=self.replanned.result)
         gates = case.gates_table().without_empty_columns()
         return [*tables, case.counts_table(), case.distances_table(), gates, self.lines_table()]
 
@@ -191,7 +210,7 @@ class SafetyCase:
         """Return the optimum as the line, and below it the replanned one, with what came of their flights."""
         rows, notes = [["the optimum", *_line_values(self.result)]], list[str]()
         if self.replanned is not None:
-            rows.append([self._replanned_words, *_line_values(self.replanned.result)])
+            rows.append([_replanned_words(self.replanned.interval), *_line_values(self.replanned.result)])
             replanned, optimum = self.replanned.result.race_times, self.result.race_times
             both = min(len(replanned), len(optimum))  # a time limit may have ended the flights of one earlier
             mean, interval = _mean(replanned[:both] - optimum[:both])
@@ -201,10 +220,6 @@ class SafetyCase:
             "median over the gates of what 95 % do not exceed; +/-, from, to: intervals of confidence 95 %"
         )
         return Table(f"{self.label}: the line that is followed", LINES, rows, notes)
-
-    @property
-    def _replanned_words(self) -> str:
-        return f"replanned every {self.replanned.interval:g} s" if self.replanned else ""
 
     def counts_table(self) -> Table:
         """Return how many flights broke what."""
@@ -321,6 +336,7 @@ def fly_safety_case(
     penalties: Penalties = NONE_KNOWN,
     falls: bool = False,
     watch: Watch = unwatched,
+    begin: Begin = unannounced,
     until: float = math.inf,
 ) -> SafetyCase:
     """Fly a stage's optimum many times.
@@ -334,7 +350,8 @@ def fly_safety_case(
         delay: of the pilot, s.
         replan: the time between two lines, s, and the settings by which the race is solved, to fly the same flights
             with the line replanned as well; None to leave that.
-        penalties, falls, watch, until: likewise; replanned flights are told by themselves.
+        penalties, falls, watch, until: likewise.
+        begin: is told of replanned flights before they are watched: they take much longer.
 
     Raises:
         UsageError: an argument is out of range, or the stage is none that could be simulated.
@@ -347,6 +364,8 @@ def fly_safety_case(
     if seed < 0:
         raise UsageError(f"a seed of {seed} is out of range: it must be 0 or larger")
     scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
+    if replan is not None and result.is_flight:
+        ensure_replanned(replan[0], result.trajectory.race_time, delay)
 
     def fly(replanning: Replanning | None = None) -> SafetyResult:
         return fly_closed_loop(
@@ -365,24 +384,39 @@ def fly_safety_case(
         )
 
     closed_loop, replanned = fly(), None
-    if replan is not None:
-        with _replanning(race, result, *replan, threads or available_cores()) as replanning:
-            replanned = ReplannedFlights(replan[0], fly(replanning))
+    if replan is not None and time.monotonic() <= until:
+        with _replanning(race, result, *replan, threads or available_cores(), until) as replanning:
+            begin(f"{label}, {_replanned_words(replan[0])}")
+            try:
+                replanned = ReplannedFlights(replan[0], fly(replanning))
+            except OutOfTime:
+                replanned = None
     (_, why) = verdict([result])
     uncertified = f"the optimum is not certified: {why}" if why else ""
     return SafetyCase(
-        label, result.stage.value, closed_loop, uncertified, no_crowd=not race.course.crowd, replanned=replanned
+        label,
+        result.stage.value,
+        closed_loop,
+        uncertified,
+        no_crowd=not race.course.crowd,
+        replanned=replanned,
+        none_replanned=replan is not None and replanned is None,
     )
+
+
+def _replanned_words(interval: float) -> str:
+    """Return what lines are called that are replanned so often, s."""
+    return f"replanned every {interval:g} s"
 
 
 @contextmanager
 def _replanning(
-    race: Race, result: StageResult, interval: float, settings: Settings, threads: int
+    race: Race, result: StageResult, interval: float, settings: Settings, threads: int, until: float
 ) -> Generator[Replanning]:
     """Yield what replans lines, with solver processes that end with it."""
     rest = CostToGo.of_result(race, settings, result)
     with new_service(1) as service, closing(SolverSession(service, settings, Silent(), threads)) as session:
-        yield Replanning(rest, session, interval)
+        yield Replanning(rest, session, interval, until)
 
 
 def _line_values(result: SafetyResult) -> list[Value]:

@@ -6,7 +6,7 @@ All of its numbers are plain values first: `Document.as_object` returns them unr
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,17 +15,19 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.files.checkpoint import StoredDocument, inputs_hash
 from airrace.files.inputs.inputs import sources_of
+from airrace.files.inputs.rules import ReserveEntry
 from airrace.files.inputs.variation import Variation
 from airrace.flights.results import Flight
 from airrace.flights.results.clearances import near_misses
 from airrace.flights.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
 from airrace.flights.safety.closed_loop import LOST
+from airrace.flights.safety.disturbances import Disturbances, Gusts
 from airrace.flights.safety.footprint import Footprint, Track, footprint_of
 from airrace.flights.safety.impacts import outlines_of
 from airrace.flights.safety.judge import ANGLE_ALLOWED, LENGTH_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE, Thing
 from airrace.flights.safety.monte_carlo import OVER_G, Count, Nearness, SafetyResult
 from airrace.flights.safety.over_g import LOAD_ALLOWED
-from airrace.model.track.course import geodetic
+from airrace.model.track.course import Course, PilotLimits, geodetic
 from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.document import (
     Chapter,
@@ -51,10 +53,11 @@ from airrace.pages.views.safety_views import (
 )
 from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
 from airrace.pages.views.tables import Column, Table, Value
+from airrace.procedure.planning.parameters import course_limits
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.run_state import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
-from airrace.runs.safety_rose import SafetyRose, SafetyRuns, cases_by_name
+from airrace.runs.safety_rose import SafetyRose, SafetyRuns, is_own
 from airrace.runs.stage_view import StageView
 from airrace.runs.stored_inputs import current_versions
 from airrace.runtime.standard_streams import STANDARD
@@ -79,6 +82,8 @@ NOT_CONSIDERED = (
 NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
 IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is that of the run's own wind"
 NOT_STATED = "not stated"
+NO_MARGINS = "all else in this document is by the limits themselves: flights are judged without margins"
+_MARGINS = (Column("limit"), Column("by the rules", form=".6g"), Column("margin", form=".4g"), Column("unit"))
 _NUMBER_COLUMNS = (Column("number"), Column("value", form=".6g"), Column("unit"))
 _GATES = (
     *(Column("gate"), Column("type"), Column("north", "m", "z.1f"), Column("east", "m", "z.1f")),
@@ -117,13 +122,79 @@ class SimulatedRun:
     Attributes:
         run, view: the run, and its stage.
         own: the flights in the run's own wind.
-        every: of the run, of it in several winds, or of several runs; the first of these is this one.
+        every: of the run, of it in several winds, or of several runs; this one is among them.
+        runs: of several runs, by the names that they have there; empty where this is the only one.
     """
 
     run: RunState
     view: StageView
     own: SafetyCase
     every: SafetyCase | SafetyRose | SafetyRuns
+    runs: Mapping[str, RunState] = field(default_factory=dict[str, RunState])
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCase:
+    """Flights along one line.
+
+    Attributes:
+        name: of the run, of the wind, or of both.
+        case: the flights; a text says why there are none.
+        run: of which it is.
+        in_own_wind: whether they are in the wind of that run; in another wind its line has no reserve of its own.
+    """
+
+    name: str
+    case: SafetyCase | str
+    run: RunState
+    in_own_wind: bool
+
+    @property
+    def has_reserve(self) -> bool:
+        """Whether their line keeps a reserve that was measured along it."""
+        return self.in_own_wind and has_reserve(self.run)
+
+
+def named_cases(of: SimulatedRun) -> list[NamedCase]:
+    """Return all cases, and that of the run's own wind where it is none of these."""
+    every = of.every.cases if isinstance(of.every, SafetyRuns) else {"": of.every}
+    named: list[NamedCase] = []
+    for name, case in every.items():
+        run = of.runs.get(name, of.run)
+        if isinstance(case, SafetyRose):
+            for wind, of_wind in case.cases.items():
+                name_of_wind = f"{name}, {wind.text}" if name else wind.text
+                named.append(NamedCase(name_of_wind, of_wind, run, is_own(wind, run)))
+        else:
+            named.append(NamedCase(name or of.own.label, case, run, in_own_wind=True))
+    own_is_named = any(
+        named_case.run is of.run and named_case.in_own_wind and isinstance(named_case.case, SafetyCase)
+        for named_case in named
+    )
+    if not own_is_named:
+        named.insert(0, NamedCase(f"{of.own.label}, its own wind", of.own, of.run, in_own_wind=True))
+    return named
+
+
+def ensure_one_course(runs: Mapping[str, RunState]) -> None:
+    """Find out whether one document can be of all these runs: their courses are the same but for margins and pilots.
+
+    Raises:
+        UsageError: two of the courses differ.
+    """
+    (first, run), *others = runs.items()
+    for name, other in others:
+        if _course_of(other) != _course_of(run):
+            raise UsageError(
+                f"a document is of one course: {first} ({run.race.course.name}) and {name} ({other.race.course.name}) "
+                "are of different ones; write a document for each"
+            )
+
+
+def _course_of(run: RunState) -> Course:
+    """Return the course of a run without what belongs to its line and its pilot."""
+    course = run.race.by_rules.course
+    return replace(course, rules=replace(course.rules, pilot=PilotLimits()))
 
 
 def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: bool = True) -> Document:
@@ -139,12 +210,11 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
     """
     run, view, case, notes = of.run, of.view, of.own, notes or CaseNotes()
     flight = view.flight(case.label)
+    flight = replace(flight, race=flight.race.by_rules)  # margins are the line's own; a flight is judged without them
     footprint = footprint_of(flight.race, [Track.from_flight(flight)])
-    cases = cases_by_name(of.every)
+    cases = {named_case.name: named_case.case for named_case in named_cases(of)}
     certificate, remarks = view.certificate, [view.message] if view.message else []
-    omissions, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
-    content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
-    digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
+    omissions, runs = [] if flight.course.crowd else [NO_CROWD], of.runs or {run.label: run}
     gates, envelope, falls = _gates_table(flight), list[Part](), list[Part]()
     on_first = len(gates.rows) <= GATES_BESIDE_MAP
     course = table_part(gates) if on_first else note_part("Positions of all gates: see the chapter of that name")
@@ -162,6 +232,7 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
         [
             Chapter("Results in short", [*_in_short(of, flight, omissions), *_signatures(of, notes)], new_page=True),
             Chapter("Positions of all gates", [] if on_first else [table_part(gates)]),
+            Chapter("Margins of the line", list(_margins(of))),
             Chapter("Distances of all flights", list(_distances(cases, flight))),
             Chapter("Envelope", envelope, new_page=True),
             Chapter("What falls where", [*falls, *_falls(cases, footprint, flight)], new_page=True),
@@ -177,16 +248,10 @@ def safety_document(of: SimulatedRun, notes: CaseNotes | None = None, *, drawn: 
             ),
             Chapter("Pilot and disturbances", [table_part(_assumptions(case.result))]),
             Chapter("What was not considered", [list_part([*omissions, *NOT_CONSIDERED])]),
-            Chapter("Inputs", list(_inputs(run, digest if content else ""))),
-            Chapter(
-                "Files as they were read",
-                [
-                    Part(f"<h3>{what}</h3><pre>{escape_html(document.text)}</pre>", {what: document.text})
-                    for what, document in documents
-                ],
-            ),
+            Chapter("Inputs", list(_inputs(runs))),
+            Chapter("Files as they were read", list(_texts(runs))),
         ],
-        mark=f"run {digest[:16]}",
+        mark=_mark(runs),
     )
 
 
@@ -209,7 +274,7 @@ def _first_page(of: SimulatedRun, notes: CaseNotes, flight: Flight) -> Iterator[
             ("for", notes.prepared_for or NOT_STATED),
             ("valid", notes.valid or f"{NOT_STATED}; for this course, these aircraft and winds alone"),
             ("revision", notes.revision or NOT_STATED),
-            ("run", run.label),
+            ("runs" if len(of.runs) > 1 else "run", ", ".join(of.runs) or run.label),
             ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
         ]
     )
@@ -233,25 +298,57 @@ def _reserve_text(run: RunState, view: StageView) -> str:
     reserve = run.inputs.reserve
     if reserve is None:
         return view.stamp.reserve_text or "none"
+    loads = "" if reserve.load_factor else "; over-g is not in it"
+    return f"{view.stamp.reserve_text}; asked for in {_asked_text(reserve)}{loads}"
+
+
+def _asked_text(reserve: ReserveEntry) -> str:
+    """Return the disturbances that a reserve was asked for in, as `_disturbances_text` does."""
+    return _disturbances_text(Disturbances(**{key.name: getattr(reserve, key.name) for key in fields(Disturbances)}))
+
+
+def _flown_text(result: SafetyResult) -> str:
+    """Return the disturbances in which flights were simulated, as `_disturbances_text` does."""
+    scatter = result.scatter
+    percents = [100.0 * error for error in (scatter.mass, scatter.power, scatter.density)]
+    wind, gusts = scatter.wind / KNOT, scatter.gusts.value
+    return _disturbances_text(Disturbances(gusts, wind, *percents, scatter.timing, result.pilot.delay))
+
+
+def _disturbances_text(disturbances: Disturbances) -> str:
+    """Return all disturbances as words that are the same for the same ones."""
     errors = {
-        f"wind {reserve.wind_error_kt:g} kt": reserve.wind_error_kt,
-        f"mass {reserve.mass_error_percent:g} %": reserve.mass_error_percent,
-        f"power {reserve.power_error_percent:g} %": reserve.power_error_percent,
-        f"density {reserve.density_error_percent:g} %": reserve.density_error_percent,
-        f"rolls {1000.0 * reserve.roll_timing_s:g} ms": reserve.roll_timing_s,
+        f"wind {disturbances.wind_error_kt:.6g} kt": disturbances.wind_error_kt,
+        f"mass {disturbances.mass_error_percent:.6g} %": disturbances.mass_error_percent,
+        f"power {disturbances.power_error_percent:.6g} %": disturbances.power_error_percent,
+        f"density {disturbances.density_error_percent:.6g} %": disturbances.density_error_percent,
+        f"rolls {1000.0 * disturbances.roll_timing_s:.6g} ms": disturbances.roll_timing_s,
     }
     texts = [text for text, error in errors.items() if error]
-    disturbances = f"errors of {', '.join(texts)}" if texts else "nothing else"
-    loads = "" if reserve.load_factor else "; over-g is not in it"
-    return f"{view.stamp.reserve_text}; asked for in {reserve.gusts} gusts and {disturbances}{loads}"
+    gusts = "no gusts" if disturbances.gusts == Gusts.NONE else f"{disturbances.gusts} gusts"
+    others = f"errors of {', '.join(texts)}" if texts else "nothing else"
+    return f"{gusts} and {others}, with a pilot's delay of {disturbances.delay_s:.6g} s"
 
 
 def _simulated_text(of: SimulatedRun) -> str:
-    """Return how much was simulated."""
-    cases = {name: case for name, case in cases_by_name(of.every).items() if isinstance(case, SafetyCase)}
-    flights, gusts = sum(case.result.flights for case in cases.values()), of.own.result.scatter.gusts.value
-    several = f" in {len(cases)} cases ({'; '.join(cases)})" if len(cases) > 1 else ""
-    return f"{flights} closed-loop flights{several}, gusts: {gusts}"
+    """Return how much was simulated, in which disturbances, and where these are not those of a reserve."""
+    cases = [(case, case.case.result) for case in named_cases(of) if isinstance(case.case, SafetyCase)]
+    flights = sum(result.flights for _, result in cases)
+    names = [case.name for case, _ in cases]
+    several = f" in {len(cases)} cases ({'; '.join(names)})" if len(cases) > 1 else ""
+    by_text: dict[str, list[str]] = {}
+    others: list[str] = []
+    for case, result in cases:
+        by_text.setdefault(_flown_text(result), []).append(case.name)
+        reserve = case.run.inputs.reserve
+        if case.in_own_wind and reserve is not None and _flown_text(result) != _asked_text(reserve):
+            others.append(case.name)
+    flown = [f"in {text}" for text in by_text]
+    if len(by_text) > 1:
+        flown = [f"in {text} ({', '.join(named)})" for text, named in by_text.items()]
+    differ = f" of {', '.join(others)}" if len(cases) > 1 else ""
+    different = f". These are not the disturbances that the reserve{differ} was asked for in" if others else ""
+    return f"{flights} closed-loop flights{several}, {'; '.join(flown)}{different}"
 
 
 def _gates_table(flight: Flight) -> Table:
@@ -270,51 +367,60 @@ def _gates_table(flight: Flight) -> Table:
     return Table("Gates", _GATES, rows)
 
 
+def _margins(of: SimulatedRun) -> Iterator[Part]:
+    """Yield by how much lines keep within their limits, a table for each run that has margins."""
+    for name, run in (of.runs or {of.run.label: of.run}).items():
+        limits = {limit.key: limit for limit in course_limits(run.race.by_rules)}
+        rows = [(key, limits[key].value, margin, limits[key].unit) for key, margin in run.inputs.margins.items()]
+        if rows:
+            yield table_part(Table(f"By how much {name} keeps within its limits", _MARGINS, rows, [NO_MARGINS]))
+
+
 def _signatures(of: SimulatedRun, notes: CaseNotes) -> Iterator[Part]:
     """Yield places to sign, below what has to be known of the line."""
     if not notes.sign_for:
         return
-    if not has_reserve(of.run):
-        broken, reserve = of.own.result.broken, of.run.inputs.reserve
-        asked = "" if reserve is None else f" ({of.view.stamp.reserve_text})"
-        yield known_part(
-            "No reserve",
-            [
-                f"This line has no measured reserve{asked}: it touches its limits, and {broken.flights} of {broken.of} "
-                "simulated flights break a rule. It shows where a reserve is needed, and is no flight to be flown"
-            ],
-        )
+    cases = named_cases(of)
+    without = [_no_reserve_text(case, several=len(cases) > 1) for case in cases if not case.has_reserve]
+    if without:
+        yield known_part("No reserve", without)
     yield Part(signature_block(notes.sign_for), list(notes.sign_for))
+
+
+def _no_reserve_text(case: NamedCase, *, several: bool) -> str:
+    """Return what has to be known of a line without a measured reserve."""
+    whose = f"The line of {case.name}" if several else "This line"
+    if isinstance(case.case, str):
+        return f"Nothing is known of a line of {case.name}: {case.case}"
+    reserve, broken = case.run.inputs.reserve, case.case.result.broken
+    if not case.in_own_wind and has_reserve(case.run):
+        why = ", for that of its run was measured in another wind"
+    else:
+        why = "" if reserve is None else f" ({case.run.stages[-1].stamp.reserve_text})"
+        why += "" if case.run.inputs.margins else ": it touches its limits"
+    return (
+        f"{whose} has no measured reserve{why}; {broken.flights} of {broken.of} simulated flights break a rule. It "
+        "shows where a reserve is needed, and is no flight to be flown"
+    )
 
 
 def _in_short(of: SimulatedRun, flight: Flight, omissions: Sequence[str]) -> Iterator[Part]:
     """Yield what has to be known first, and the results that matter most, in words."""
-    case, result = of.own, of.own.result
-    first = [*filter(None, (case.uncertified, result.note)), *omissions]
+    named = named_cases(of)
+    first: list[str] = []
+    for case in named:
+        known = [case.case] if isinstance(case.case, str) else [case.case.uncertified, case.case.result.note]
+        first += [f"{text} ({case.name})" if len(named) > 1 else text for text in known if text]
+    first += omissions
     for near_miss in near_misses(flight):
         distance = f"{near_miss.clearance.name} at {near_miss.clearance.distance:.2f} m"
         first.append(f"The optimum itself passes {distance}, {near_miss.where}")
     first += [f"Sustained load: {load.text}" for load in sustained_loads(flight)]
     yield known_part("To be known first", first)
-
-    def share(count: Count) -> str:
-        interval = f"{100.0 * count.lower:.2f} to {100.0 * count.upper:.2f} %"
-        return f"{count.flights} of {count.of} flights; {interval} (confidence 95 %)"
-
-    rows = [
-        ("touch a pylon or the ground, miss a gate or lose the line", share(result.contact)),
-        ("break any rule", share(result.broken)),
-        ("below the floor", share(result.counts["floor"])),
-        (f"over-g: {result.load_rule.text}", share(result.counts[OVER_G])),
-    ]
-    if flight.course.crowd:
-        rows.insert(2, ("too near to the crowd", share(result.counts["crowd"])))
-    if result.counts["safety line"].of and flight.course.safety_lines:
-        rows.insert(-2, ("across a safety line", share(result.counts["safety line"])))
-    yield table_part(
-        Table(f"Of {flight.aircraft.name}, {of.view.stamp.air}", (Column("what"), Column("how many")), rows)
-    )
-    cases = cases_by_name(of.every)
+    results = {case.name: case.case.result for case in named if isinstance(case.case, SafetyCase)}
+    course = flight.course
+    yield table_part(_outcomes_table(results, f"Of {flight.aircraft.name}, {of.view.stamp.air}", course))
+    cases = {case.name: case.case for case in named}
     over = "all winds and aircraft" if len(cases) > 1 else "all flights"
     yield table_part(_nearest_table(cases, f"least distances, {over}"))
     yield table_part(_impacts_table(cases, f"impacts of falls, {over}"))
@@ -322,6 +428,42 @@ def _in_short(of: SimulatedRun, flight: Flight, omissions: Sequence[str]) -> Ite
         "All of this is computed, by models whose numbers, sources and limits stand below. It is no permission, and no "
         "formula of an authority."
     )
+
+
+def _outcomes_table(results: Mapping[str, SafetyResult], title: str, course: Course) -> Table:
+    """Return how many flights break what matters most, of the case that is worst in it.
+
+    Args:
+        results: by the names of cases.
+        title: stands above those of a single case.
+        course: that is flown.
+    """
+    contact = _worst_share({name: result.contact for name, result in results.items()})
+    broken = _worst_share({name: result.broken for name, result in results.items()})
+    rows: list[list[Value]] = [
+        ["touch a pylon or the ground, miss a gate or lose the line", *contact],
+        ["break any rule", *broken],
+    ]
+    kinds = {"below the floor": "floor"}
+    if course.crowd:
+        kinds = {"too near to the crowd": "crowd", **kinds}
+    if course.safety_lines:
+        kinds["across a safety line"] = "safety line"
+    for what, kind in kinds.items():
+        rows.append([what, *_worst_share({name: result.counts[kind] for name, result in results.items()})])
+    over_g, name = _worst_share({name: result.counts[OVER_G] for name, result in results.items()})
+    rows.append([f"over-g: {results[name].load_rule.text}", over_g, name])
+    columns = (Column("what"), Column("how many"), Column("in"))
+    if len(results) > 1:
+        return Table("Of all cases the worst", columns, rows)
+    return Table(title, columns[:-1], [row[:-1] for row in rows])
+
+
+def _worst_share(counts: Mapping[str, Count]) -> tuple[str, str]:
+    """Return the largest share of flights as words, and the name of its case."""
+    name, count = max(counts.items(), key=lambda item: (item[1].share, item[1].upper))
+    interval = f"{100.0 * count.lower:.2f} to {100.0 * count.upper:.2f} %"
+    return f"{count.flights} of {count.of} flights; {interval} (confidence 95 %)", name
 
 
 def _worst(
@@ -400,8 +542,11 @@ def _distances(cases: Mapping[str, SafetyCase | str], flight: Flight) -> Iterato
 
 
 def _every(every: SafetyCase | SafetyRose | SafetyRuns) -> Iterator[Part]:
-    if not isinstance(every, SafetyCase):
-        yield table_part(replace(every.table(), title="", notes=[IN_WINDS]))
+    if isinstance(every, SafetyCase):
+        return
+    cases = every.cases.values() if isinstance(every, SafetyRuns) else [every]
+    notes = [IN_WINDS] if any(isinstance(case, SafetyRose) for case in cases) else []
+    yield table_part(replace(every.table(), title="", notes=notes))
 
 
 def _loads_table(flight: Flight) -> Table:
@@ -460,35 +605,76 @@ def _assumptions(result: SafetyResult) -> Table:
     return Table("", (Column("what"), Column("value"), Column("source")), rows)
 
 
-def _inputs(run: RunState, digest: str) -> Iterator[Part]:
+def _inputs(runs: Mapping[str, RunState]) -> Iterator[Part]:
     """Yield what went in: files with their hashes, versions, sources, and the numbers of rules, air and aircraft."""
-    stored_inputs = run.checkpoint.inputs
-    files = [(f"run {run.label}", digest)] if digest else []
-    for what, document in _documents(run):
-        files.append((f"{what} {Path(document.path).name}", hashlib.sha256(document.text.encode()).hexdigest()))
-    files.append(("resolved configuration", inputs_hash(stored_inputs.resolved)))
+    files: list[tuple[str, str]] = []
+    facts: list[tuple[str, str]] = []
+    sources: list[tuple[str, str, str]] = []
+    for name, run in runs.items():
+        of_run, digest = f"{name}: " if len(runs) > 1 else "", _digest(run)
+        if digest:
+            files.append((f"run {name}", digest))
+        for what, document in _documents(run):
+            digest = hashlib.sha256(document.text.encode()).hexdigest()
+            files.append((f"{of_run}{what} {Path(document.path).name}", digest))
+        files.append((f"{of_run}resolved configuration", inputs_hash(run.checkpoint.inputs.resolved)))
+        facts.append((f"{of_run}set by hand", ", ".join(run.inputs.overrides) or "nothing"))
+        facts.append((f"{of_run}solved by", _versions_text(run.checkpoint.versions)))
+        sources += [(f"{of_run}{what}", schema, source) for what, schema, source in sources_of(run.inputs)]
     columns = (Column("what"), Column("SHA-256"))
     yield table_part(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
-    versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
-    yield facts_part(
-        [
-            ("set by hand", ", ".join(run.inputs.overrides) or "nothing"),
-            *(
-                (what, ", ".join(f"{name} {version}" for name, version in packages.items()))
-                for what, packages in versions.items()
-            ),
-        ]
-    )
-    yield table_part(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources_of(run.inputs)))
-    try:
-        numbers = Variation(run.inputs).parameters.values()
-    except UsageError as error:
-        yield list_part([str(error)])
-        return
+    yield facts_part([*facts, ("simulated by", _versions_text(current_versions()))])
+    yield table_part(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources))
+    yield from _numbers(runs)
+
+
+def _versions_text(packages: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in packages.items())
+
+
+def _numbers(runs: Mapping[str, RunState]) -> Iterator[Part]:
+    """Yield the numbers of rules, air and aircraft, once for all runs that have the same ones."""
+    tables: dict[tuple[str, tuple[tuple[str, float, str], ...]], list[str]] = {}
     rules = ("rules", "gate_defaults", "margins", "environment")
-    for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
-        rows = [(number.key, number.value, number.unit) for number in numbers if number.key.partition(".")[0] in groups]
-        yield table_part(Table(title, _NUMBER_COLUMNS, rows), columns=True)
+    for name, run in runs.items():
+        try:
+            numbers = Variation(run.inputs).parameters.values()
+        except UsageError as error:
+            yield list_part([f"{name}: {error}" if len(runs) > 1 else str(error)])
+            continue
+        for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
+            rows = [
+                (number.key, number.value, number.unit) for number in numbers if number.key.partition(".")[0] in groups
+            ]
+            tables.setdefault((title, tuple(rows)), []).append(name)
+    for (title, rows), names in sorted(tables.items(), key=lambda item: item[0][0] == "Aircraft"):
+        of_runs = f": {', '.join(names)}" if len(runs) > 1 else ""
+        yield table_part(Table(f"{title}{of_runs}", _NUMBER_COLUMNS, rows), columns=True)
+
+
+def _texts(runs: Mapping[str, RunState]) -> Iterator[Part]:
+    """Yield the texts of all files, once for all runs that have the same one."""
+    names_by_text: dict[tuple[str, str], list[str]] = {}
+    for name, run in runs.items():
+        for what, document in _documents(run):
+            names_by_text.setdefault((what, document.text), []).append(name)
+    for (what, text), names in names_by_text.items():
+        title = f"{what} of {', '.join(names)}" if len(runs) > 1 else what
+        yield Part(f"<h3>{escape_html(title)}</h3><pre>{escape_html(text)}</pre>", {title: text})
+
+
+def _digest(run: RunState) -> str:
+    """Return the SHA-256 of the file of a run; empty where it has none."""
+    content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
+    return hashlib.sha256(content).hexdigest() if content else ""
+
+
+def _mark(runs: Mapping[str, RunState]) -> str:
+    """Return what stands on every page, by which it is known of which runs it is."""
+    digests = [_digest(run) or inputs_hash(run.checkpoint.inputs.resolved) for run in runs.values()]
+    if len(digests) == 1:
+        return f"run {digests[0][:16]}"
+    return f"runs {' '.join(digest[:8] for digest in digests)}"
 
 
 def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:

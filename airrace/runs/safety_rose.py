@@ -146,10 +146,7 @@ def cases_by_name(every: SafetyCase | SafetyRose | SafetyRuns) -> dict[str, Safe
 
 def is_cut(every: SafetyCase | SafetyRose | SafetyRuns) -> bool:
     """Return whether the time was over before all was flown."""
-    return any(
-        case == NO_TIME if isinstance(case, str) else case.result.flights < case.result.asked
-        for case in cases_by_name(every).values()
-    )
+    return any(case == NO_TIME if isinstance(case, str) else case.is_cut for case in cases_by_name(every).values())
 
 
 def own_case(run: RunState, case: SafetyCase | SafetyRose | str) -> SafetyCase | None:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from airrace.flights.safety.monte_carlo import Watch
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
-    from airrace.runs.safety_case import SafetyCase
+    from airrace.runs.safety_case import Begin, SafetyCase
 
 
 def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
@@ -345,6 +345,7 @@ class StageView:
         replan_s: float | None = None,
         falls: bool = False,
         watch: "Watch | None" = None,
+        begin: "Begin | None" = None,
         until: float = math.inf,
     ) -> "SafetyCase":
         """Fly the optimum many times with a pilot in the loop, in gusts and with errors, as `airrace safety` does.
@@ -363,6 +364,7 @@ class StageView:
                 is flown twice, with the line fixed and with it replanned.
             falls: whether the flights are let fall, too, from every tenth of a second.
             watch: is told how many flights are flown, of how many, and how many of these break a rule.
+            begin: is told of replanned flights before they are watched.
             until: the time of the monotonic clock, s, at which flights end; those that are flown count.
 
         Disturbances that are None are those that the run's reserve was asked for in; without a reserve the defaults
@@ -373,7 +375,7 @@ class StageView:
             SolverCrash: a solver process died.
         """
         from airrace.flights.safety.monte_carlo import unwatched  # takes what flies, likewise
-        from airrace.runs.safety_case import fly_safety_case
+        from airrace.runs.safety_case import fly_safety_case, unannounced
 
         named = {
             "gusts": gusts,
@@ -405,6 +407,7 @@ class StageView:
             penalties=self.inputs.penalties,
             falls=falls,
             watch=watch or unwatched,
+            begin=begin or unannounced,
             until=until,
         )
 

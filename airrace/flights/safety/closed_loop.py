@@ -101,9 +101,9 @@ class Flights:
     lost: NDArray[np.int64]
 
 
-def batches(count: int) -> list[range]:
-    """Return the numbers of so many flights, batch by batch."""
-    return [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
+def batches(count: int, size: int = BATCH) -> list[range]:
+    """Return the numbers of so many flights, batch by batch of a size."""
+    return [range(first, min(first + size, count)) for first in range(0, count, size)]
 
 
 def fly(
@@ -119,6 +119,7 @@ def fly(
         replanning: of the line; None where it is the optimum all along.
 
     Raises:
+        OutOfTime: lines are replanned, and their time was over.
         SolverCrash: a solver process died.
     """
     return _Batch(loop, scatter, seed, numbers).fly(replanning)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import betaincinv
 
-from airrace.errors import UsageError
+from airrace.errors import OutOfTime, UsageError
 from airrace.flights.results.penalties import NONE_KNOWN, Penalties
 from airrace.flights.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.flights.safety.covariance import covariance
@@ -34,7 +34,7 @@ from airrace.flights.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.flights.safety.over_g import LoadRule
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.plant import CONTROLS, DisturbedPlant
-from airrace.flights.safety.replanning import Replanning
+from airrace.flights.safety.replanning import JOBS, Replanning
 from airrace.model.frames import rotation
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.result import StageResult
@@ -357,8 +357,10 @@ def fly_closed_loop(
         falls: whether all flights are let fall, too.
         watch: is told how far it is, batch by batch.
         until: the time of the monotonic clock, s, after which no further batch begins; the first one always does.
+            Batches of replanned lines take long: these are small, and end with the time of `replanning`.
 
     Raises:
+        OutOfTime: lines are replanned, and the time was over before any flight was at its end.
         UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
         SolverCrash: a solver process died.
     """
@@ -371,15 +373,19 @@ def fly_closed_loop(
     def run_batch(numbers: range) -> tuple[FlightMeasurements, Fallen | None] | None:
         if numbers.start and time.monotonic() > until:
             return None
-        flown = fly(loop, scatter, seed, numbers, replanning)
+        try:
+            flown = fly(loop, scatter, seed, numbers, replanning)
+        except OutOfTime:
+            return None
         return measure(judge, loop, flown), fall(race, loop, flown) if falls else None
 
     parts: list[tuple[FlightMeasurements, Fallen | None]] = []
     asked, failed = flights, 0
+    all_numbers = batches(asked, JOBS) if replanning else batches(asked)
     with ThreadPoolExecutor(1 if replanning else threads or available_cores()) as pool:
         watch(0, asked, 0)
         try:
-            for numbers, part in zip(batches(asked), pool.map(run_batch, batches(asked)), strict=True):
+            for numbers, part in zip(all_numbers, pool.map(run_batch, all_numbers), strict=True):
                 if part is None:
                     break
                 parts.append(part)
@@ -388,6 +394,8 @@ def fly_closed_loop(
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)  # nobody waits for what is left
             raise
+    if not parts:
+        raise OutOfTime("the time was over before any flight was at its end")
     measured = together([part for part, _ in parts])
     fallen = fallen_together([part for _, part in parts if part is not None])
     names = [passage.name for passage in race.course.passages]

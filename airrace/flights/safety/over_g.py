@@ -28,6 +28,7 @@ class LoadRule:
         upper: that beyond which a pull counts which lasts for `lasting`, s.
         at_once: that beyond which any pull counts.
         penalty: of a pull that lasts, s; infinity where it ends the race, None where no rule states it.
+        ends: that beyond which a pull ends the race by the rules; infinity where none does.
     """
 
     lower: float
@@ -35,6 +36,7 @@ class LoadRule:
     lasting: float
     at_once: float
     penalty: float | None
+    ends: float = math.inf
 
     @classmethod
     def from_penalties(cls, race: Race, penalties: Penalties = NONE_KNOWN) -> "LoadRule":
@@ -43,20 +45,22 @@ class LoadRule:
         lower, ends = max(rules.lower, aircraft.lower), penalties.load_factor_end
         if penalties.load_factor is None and ends is None:  # no ladder
             return cls(lower, min(rules.upper, aircraft.upper), 0.0, math.inf, None)
-        at_once = aircraft.upper if ends is None else min(ends, aircraft.upper)
-        above = penalties.load_factor_from or rules.upper
-        return cls(lower, above, penalties.load_factor_time, at_once, penalties.load_factor)
+        ends = math.inf if ends is None else ends
+        above, at_once = penalties.load_factor_from or rules.upper, min(ends, aircraft.upper)
+        return cls(lower, above, penalties.load_factor_time, at_once, penalties.load_factor, ends)
 
     @property
     def text(self) -> str:
-        """The rule as a clause, e.g. `more than 10 g for 0.6 s; more than 12 g at once; less than -2 g`."""
+        """The rule as a clause, e.g. `more than 10 g for 0.6 s; more than 12 g at once, which ends the race`."""
         lasting = f" for {self.lasting:g} s" if self.lasting else ""
         cost = "" if self.penalty is None else f", which costs {self.penalty:g} s"
         if self.penalty == ENDS_RACE:
             cost = ", which ends the race"
         texts = [f"more than {self.upper:g} g{lasting}{cost}"]
-        if math.isfinite(self.at_once) and (self.lasting or self.at_once < self.upper):
-            texts.append(f"more than {self.at_once:g} g at once")
+        if self.at_once < self.ends and (self.lasting or self.at_once < self.upper):
+            texts.append(f"more than {self.at_once:g} g at once, which is the aircraft's limit")
+        if math.isfinite(self.ends) and (self.lasting or self.penalty != ENDS_RACE):
+            texts.append(f"more than {self.ends:g} g at once, which ends the race")
         return "; ".join([*texts, f"less than {self.lower:g} g"])
 
     def counted(self, load: Array, sample: float) -> NDArray[np.bool_]:
@@ -77,12 +81,17 @@ class LoadRule:
         return np.asarray(lasts | (load > self.at_once + LOAD_ALLOWED) | (load < self.lower - LOAD_ALLOWED))
 
     def pulls(self, load: Array, sample: float, counts: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return at which samples a pull that counts begins, shape (K, n).
+        """Return at which samples a pull begins to count, shape (K, n): once for as long as the load stays beyond.
 
         Args:
             load, sample: see `counted`.
             counts: the samples that are looked at, shape (K, n).
         """
         counted = self.counted(load, sample) & counts
-        before = np.concatenate([np.zeros((1, load.shape[1]), bool), counted[:-1]])
-        return np.asarray(counted & ~before)
+        above = load > min(self.upper, self.at_once) + LOAD_ALLOWED
+        beyond = above.astype(np.int8) - (load < self.lower - LOAD_ALLOWED)  # -1 where it pushes
+        before = np.concatenate([np.zeros((1, load.shape[1]), np.int8), beyond[:-1]])
+        counted_so_far = np.cumsum(counted, axis=0)
+        counted_earlier = np.where((beyond != 0) & (beyond != before), counted_so_far - counted, 0)
+        in_this_pull = counted_so_far - np.maximum.accumulate(counted_earlier, axis=0)
+        return np.asarray(counted & (in_this_pull == 1))

@@ -10,11 +10,14 @@ optimum.
 """
 
 import functools
+import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.errors import OutOfTime, UsageError
 from airrace.flights.safety.nominal import TABLE_STEP, NominalFlight, instants
 from airrace.flights.safety.pilot import PilotModel, linearise, train
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, DisturbedPlant, advance
@@ -48,11 +51,32 @@ class Replanning:
         rest: solves what is left of the race.
         session: solves, side by side.
         interval: between two lines of a flight, s.
+        until: the time of the monotonic clock, s, after which no line is planned any more.
     """
 
     rest: CostToGo
     session: SolverSession
     interval: float
+    until: float = math.inf
+
+
+def ensure_replanned(interval: float, race_time: float, delay: float) -> None:
+    """Find out whether a race is long enough for a new line: the first comes after an interval, and none in the last.
+
+    Args:
+        interval: between two lines of a flight, s.
+        race_time: of the optimum, s.
+        delay: of the pilot, s.
+
+    Raises:
+        UsageError: it is too short.
+    """
+    most = 0.5 * (race_time - delay)
+    if interval >= most:
+        raise UsageError(
+            f"a new line every {interval:g} s is none in a race of {race_time:.1f} s: the first comes after that time, "
+            f"and none in the last {interval + delay:g} s; it must be less than every {most:.1f} s"
+        )
 
 
 class ReplannedLines:
@@ -96,11 +120,16 @@ class ReplannedLines:
             clock: of the optimum, s; shape (n,).
             stick: that is decided already, shape (d, 4, n).
             racing: which flights need a line.
+
+        Raises:
+            OutOfTime: the time of the replanning is over.
         """
         finish = float(self._nominal.passing_times[-1])
         due = racing & (clock < finish - self._replanning.interval - self._pilot.delay) & (k % self._every == 0)
         if not k or not due.any():
             return np.zeros_like(due)
+        if time.monotonic() > self._replanning.until:
+            raise OutOfTime("the time was over before these flights were at their end")
         flights = np.flatnonzero(due)
         past = self._recent()
         state, moved = self._delayed(x[:, flights], stick[:, :, flights])

@@ -1,24 +1,28 @@
 """Replanned lines begin where the aircraft is and change nothing undisturbed; without one, it is the optimum again."""
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from safety_courses import inputs, loop, optimum
 
-from airrace.errors import UsageError
+from airrace.errors import OutOfTime, UsageError
 from airrace.flights.safety.closed_loop import fly
 from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
 from airrace.flights.safety.judge import Judge, measure
+from airrace.flights.safety.monte_carlo import fly_closed_loop
 from airrace.flights.safety.nominal import TABLE_STEP, displace
 from airrace.flights.safety.plant import CONTROLS, DISTURBANCES, advance
-from airrace.flights.safety.replanning import PAST, ReplannedLines, Replanning
+from airrace.flights.safety.replanning import JOBS, PAST, ReplannedLines, Replanning, ensure_replanned
 from airrace.procedure.cost_to_go import CostToGo, new_service
 from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
 from airrace.runs.safety_case import fly_safety_case
+from airrace.runs.safety_rose import is_cut
 
 INTERVAL = 1.0
 LIGHT = (2.5, 2.0, 2.0, 1.0, 0.02)
@@ -135,3 +139,56 @@ def test_a_case_holds_both_lines_of_the_same_flights() -> None:
         fly_safety_case(
             race, optimum(), "short", 2, "light", LIGHT, delay=0.1, seed=0, threads=1, replan=(0.05, settings)
         )
+
+
+def test_a_time_limit_ends_the_flights_of_replanned_lines_in_their_midst(replanning: Replanning) -> None:
+    """The first flights are no exception: they alone may take minutes."""
+    began = time.monotonic()
+    late = replace(replanning, until=began)
+    with pytest.raises(OutOfTime):
+        fly_closed_loop(inputs().race, optimum(), flights=8, replanning=late)
+
+
+def test_replanned_flights_come_in_small_batches(replanning: Replanning) -> None:
+    done: list[int] = []
+    fly_closed_loop(
+        inputs().race, optimum(), flights=JOBS + 1, replanning=replanning, watch=lambda n, *_: done.append(n)
+    )
+    assert done == [0, JOBS, JOBS + 1]
+
+
+def test_what_was_not_replanned_in_time_is_told_as_cut() -> None:
+    options = {"delay": 0.1, "seed": 0, "threads": 1, "replan": (1.0, inputs().settings), "until": time.monotonic()}
+    case = fly_safety_case(inputs().race, optimum(), "course", 2, "light", LIGHT, **options)
+    assert (case.result.flights, case.replanned, is_cut(case)) == (2, None, True)
+    assert "the time was over before any flight along replanned lines" in case.remarks
+
+
+def test_replanned_flights_are_a_task_of_their_own() -> None:
+    told: list[object] = []
+    fly_safety_case(
+        *(inputs().race, optimum(), "short", 2, "light", LIGHT),
+        delay=0.1,
+        seed=0,
+        threads=2,
+        replan=(3.0, inputs().settings),
+        watch=lambda done, of, broken: told.append((done, of)),
+        begin=told.append,
+    )
+    assert told == [(0, 2), (2, 2), "short, replanned every 3 s", (0, 2), (2, 2)]
+
+
+def test_a_race_that_is_over_before_a_line_is_planned_is_refused() -> None:
+    most = 0.5 * (optimum().trajectory.race_time - 0.1)
+    flown: list[int] = []
+    with pytest.raises(UsageError, match=rf"it must be less than every {most:.1f} s"):
+        fly_safety_case(
+            *(inputs().race, optimum(), "short", 2, "light", LIGHT),
+            delay=0.1,
+            seed=0,
+            threads=1,
+            replan=(most + 0.01, inputs().settings),
+            watch=lambda done, *_: flown.append(done),
+        )
+    assert not flown
+    ensure_replanned(most - 0.01, optimum().trajectory.race_time, 0.1)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -17,12 +18,14 @@ from safety_courses import COURSE, inputs, optimum
 from short_course import AIRCRAFT, FROM_PLAN
 
 import airrace
+from airrace.api.safety import safety
 from airrace.errors import StorageError, UsageError
 from airrace.files.inputs import Document, inputs_from_documents, load_inputs
 from airrace.files.inputs.air import Wind
 from airrace.files.inputs.inputs import sources_of
-from airrace.flights.safety.disturbances import Scatter
-from airrace.flights.safety.monte_carlo import SafetyResult
+from airrace.flights.safety.disturbances import Gusts, Scatter
+from airrace.flights.safety.monte_carlo import OVER_G, Count, SafetyResult
+from airrace.optimal_control.quantities import KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report import browser
 from airrace.pages.report.browser import browser_path, print_pdf
@@ -31,9 +34,10 @@ from airrace.pages.views.drawing import figure_address
 from airrace.pages.views.safety_views import BANDS, envelope_figure
 from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import ReplannedFlights, SafetyCase
-from airrace.runs.safety_document import NO_CROWD, CaseNotes, SimulatedRun, safety_document
+from airrace.runs.safety_document import IN_WINDS, NO_CROWD, CaseNotes, SimulatedRun, ensure_one_course, safety_document
 from airrace.runs.safety_files import ensure_safety_file, write_safety_file
-from airrace.runs.safety_rose import SafetyRose, fly_runs
+from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs
+from airrace.runs.stage_view import StageView
 
 CROWD = "crowd: {stands: {polygon: [{north_m: 500, east_m: 400}, {north_m: 600, east_m: 400}, \
 {north_m: 600, east_m: 450}], distance_m: 100}}\n"
@@ -186,6 +190,11 @@ def test_winds_are_reported_where_they_are_given() -> None:
     told = chapters(page_of(rose=rose))["In every wind and of every aircraft"]
     assert "90 kt from 180" in told
     assert "no flight was found: too much wind" in told
+    assert IN_WINDS in told
+    runs = {"a.h5": flown(), "b.h5": flown()}
+    of = of_runs(runs, dict.fromkeys(runs, case()))
+    page = html.document_fromstring(safety_document(of, drawn=False).html())
+    assert IN_WINDS not in chapters(page)["In every wind and of every aircraft"]
 
 
 def numbers_in(content: object) -> tuple[set[str], list[float]]:
@@ -259,6 +268,150 @@ def test_who_signs_a_line_without_a_reserve_reads_that_above() -> None:
     assert body.index("No reserve") < body.index("Authority")
     assert f"{case().result.broken.flights} of {FLIGHTS} simulated flights break a rule" in body
     assert "No reserve" not in page_of().text_content()
+
+
+def margined(*overrides: str) -> RunState:
+    """A run with some values set, and the optimum of that without."""
+    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
+    return new_run(inputs_, None).with_stage(optimum())
+
+
+@cache
+def reserved() -> RunState:
+    """A run whose line keeps a reserve that was measured, in gusts alone."""
+    found = ("found.measured=0.52", "found.lower=0.49", "found.reached=true")
+    return margined("margins.rules.floor_m=1", *(f"rules.reserve.{text}" for text in ("probability=0.5", *found)))
+
+
+def of_runs(runs: Mapping[str, RunState], cases: Mapping[str, SafetyCase | SafetyRose | str]) -> SimulatedRun:
+    """What was simulated of several runs, the first of which is told of."""
+    first = next(iter(runs.values()))
+    every = SafetyRuns({name: run.race.aircraft.name for name, run in runs.items()}, cases)
+    own = next(flights for flights in cases.values() if isinstance(flights, SafetyCase))
+    return SimulatedRun(first, first.stage(), own, every, runs)
+
+
+def known(of: SimulatedRun, title: str = "No reserve") -> list[str]:
+    """The sentences that stand in a frame of the document below this title."""
+    page = html.document_fromstring(safety_document(of, CaseNotes(sign_for=("Authority",)), drawn=False).html())
+    frames = [frame for frame in page.find_class("known") if title in frame.text_content()]
+    return [sentence.text_content() for frame in frames for sentence in frame.iter("li", "p") if len(sentence) == 0]
+
+
+def test_every_run_without_a_reserve_is_named_above_the_signatures() -> None:
+    runs = {"safe.h5": reserved(), "fast.h5": flown()}
+    (sentence,) = [text for text in known(of_runs(runs, dict.fromkeys(runs, case()))) if ".h5" in text]
+    assert "The line of fast.h5 has no measured reserve" in sentence
+    assert f"{case().result.broken.flights} of {FLIGHTS} simulated flights break a rule" in sentence
+
+
+def test_a_reserve_holds_in_the_wind_in_which_it_was_measured() -> None:
+    run, own = reserved(), reserved().race.air.wind
+    assert own is not None
+    own_wind = Wind(own.speed / KNOT, math.degrees(own.origin))
+    rose = SafetyRose("course", {own_wind: case(), Wind(5.0, 90.0): case(), Wind(9.0, 0.0): "no flight"})
+    sentences = " ".join(known(SimulatedRun(run, run.stage(), case(), rose)))
+    assert "The line of 5 kt from 090 has no measured reserve, for that of its run was measured in another" in sentences
+    assert "Nothing is known of a line of 9 kt from 000: no flight" in sentences
+    assert own_wind.text not in sentences
+
+
+def document_tables(of: SimulatedRun) -> dict[str, dict[str, Any]]:
+    """The tables of a document by their titles, as in its JSON."""
+    content: Any = safety_document(of, drawn=False).as_object()
+    parts = [*content["first_page"], *(part for chapter in content["chapters"] for part in chapter["parts"])]
+    return {part["title"]: part for part in parts if isinstance(part, dict) and "columns" in part}
+
+
+def test_gates_and_distances_are_those_of_the_rules_and_margins_stand_apart() -> None:
+    run = margined("margins.gates.last.height_min_m=2", "margins.rules.floor_m=1")
+    with_margins, without = (
+        document_tables(SimulatedRun(flown_run, flown_run.stage(), case(), case())) for flown_run in (run, flown())
+    )
+    assert with_margins["Gates"]["rows"] == without["Gates"]["rows"]
+    assert with_margins["Of the optimum alone"]["rows"] == without["Of the optimum alone"]["rows"]
+    (title,) = set(with_margins) - set(without)
+    rows = {row[0]: row[1:] for row in with_margins[title]["rows"]}
+    assert rows["rules.floor_m"] == [run.race.by_rules.course.rules.height.lower, 1.0, "m"]
+
+
+def test_all_disturbances_are_told_and_where_they_are_not_those_of_the_reserve() -> None:
+    page = html.document_fromstring(safety_document(simulated(), drawn=False).html())
+    errors = "wind 2.5 kt, mass 2 %, power 2 %, density 1 %, rolls 20 ms"
+    assert f"in light gusts and errors of {errors}, with a pilot's delay of 0.1 s" in first_page(page)
+    run = reserved()
+    result = replace(case().result, scatter=Scatter(Gusts.LIGHT, 0.0, 0.0, 0.0, 0.0, 0.0))
+    as_asked = replace(case(), result=result)
+    for flights, differs in ((case(), True), (as_asked, False)):
+        of = SimulatedRun(run, run.stage(), flights, flights)
+        text = first_page(html.document_fromstring(safety_document(of, drawn=False).html()))
+        assert ("not the disturbances that the reserve was asked for in" in text) is differs
+    both = of_runs({"safe.h5": run, "fast.h5": flown()}, {"safe.h5": as_asked, "fast.h5": case()})
+    text = first_page(html.document_fromstring(safety_document(both, drawn=False).html()))
+    assert "in light gusts and nothing else, with a pilot's delay of 0.1 s (safe.h5); in light gusts and errors" in text
+
+
+def test_results_in_short_are_those_of_the_worst_case_with_its_name() -> None:
+    none, most, result = Count.with_interval(0, FLIGHTS), Count.with_interval(FLIGHTS - 1, FLIGHTS), case().result
+    counts = dict.fromkeys(result.counts, none)
+    good = replace(case(), result=replace(result, contact=none, counts=counts))
+    worse = replace(result, contact=most, counts={**counts, OVER_G: most})
+    bad = replace(case(), result=worse, uncertified="the optimum is not certified")
+    runs = {"good.h5": flown(), "bad.h5": flown()}
+    of = of_runs(runs, {"good.h5": good, "bad.h5": bad})
+    rows = document_tables(of)["Of all cases the worst"]["rows"]
+    assert rows[0][1:] == [f"{FLIGHTS - 1} of {FLIGHTS} flights; 86.84 to 99.94 % (confidence 95 %)", "bad.h5"]
+    assert rows[1][2] == "good.h5"  # as bad as the other
+    assert rows[-1][2] == "bad.h5"
+    assert "The optimum is not certified (bad.h5)." in known(of, "To be known first")
+
+
+def test_files_hashes_and_aircraft_of_all_runs_are_inputs_and_their_mark(tmp_path: Path) -> None:
+    heavy = Document("heavy.yaml", AIRCRAFT.text.replace("name: ", "name: heavy ", 1))
+    inputs_ = inputs_from_documents(Document("course.yaml", COURSE), heavy, FROM_PLAN, ())
+    runs = {
+        "a.h5": flown().save(tmp_path / "a.h5"),
+        "b.h5": new_run(inputs_, None).with_stage(optimum()).save(tmp_path / "b.h5"),
+    }
+    opened = {name: airrace.open(path) for name, path in runs.items()}
+    printed = safety_document(of_runs(opened, dict.fromkeys(runs, case())), drawn=False)
+    page = html.document_fromstring(printed.html())
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in runs.values()]
+    assert all(digest in chapters(page)["Inputs"] for digest in digests)
+    assert hashlib.sha256(heavy.text.encode()).hexdigest() in chapters(page)["Inputs"]
+    assert "b.h5: aircraft heavy.yaml" in chapters(page)["Inputs"]
+    texts = [text.text_content().strip() for text in page.iter("pre")]
+    assert texts.count(COURSE.strip()) == 1
+    assert heavy.text.strip() in texts
+    assert printed.mark == f"runs {digests[0][:8]} {digests[1][:8]}"
+
+
+def test_the_first_run_with_flights_is_told_of(stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    unsteady, written, fly = flown().save(tmp_path / "unsteady.h5"), tmp_path / "case.html", StageView.safety
+
+    def fly_or_not(view: StageView, **options: Any) -> SafetyCase:
+        if options["label"] == unsteady.name:
+            raise UsageError("a pilot cannot hold this optimum")
+        return fly(view, **options)
+
+    monkeypatch.setattr(StageView, "safety", fly_or_not)
+    arguments = ("--flights", str(FLIGHTS), "--threads", "1", "--output", written)
+    assert command("safety", unsteady, stored, *arguments).code == 5
+    told = html.document_fromstring(written.read_text(encoding="utf-8")).text_content()
+    assert "a pilot cannot hold this optimum" in told
+    assert f"{FLIGHTS} closed-loop flights, in light gusts" in told
+
+
+def test_runs_of_different_courses_are_refused_before_they_are_flown(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ensure_one_course({"a.h5": flown(), "b.h5": reserved(), "c.h5": margined("rules.pilot=race")})
+    monkeypatch.setattr(StageView, "safety", lambda *_, **__: pytest.fail("it is flown"))
+    wider = margined("gates.first.width_m=14", "name=another course").save(tmp_path / "wider.h5")
+    for name in ("case.html", "case.json"):
+        ran = command("safety", stored, wider, "--flights", str(FLIGHTS), "--output", tmp_path / name)
+        assert ran.code == 2
+        assert f"{stored} (three gates and a pylon) and {wider} (another course)" in ran.err
 
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
@@ -383,6 +536,11 @@ def test_python_writes_the_same_document(stored: Path, tmp_path: Path) -> None:
     assert written == safety_document(SimulatedRun(run, run.stage(), found, found)).html()
 
 
+def test_nobody_who_signs_asks_for_no_document(stored: Path) -> None:
+    nobody: list[str] = []
+    assert isinstance(safety(stored, flights=1, threads=1, sign_for=nobody), SafetyCase)
+
+
 def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
     other = flown(CROWD).save(tmp_path / "other.h5")
     ran = command("safety", stored, other, "--flights", "2", "--threads", "1", "--json")
@@ -397,7 +555,8 @@ def test_command_takes_several_runs(stored: Path, tmp_path: Path) -> None:
         (("--output", "case.txt"), ".html or .pdf for documents"),
         (("--output", "case.html", "--flights", "39"), "an envelope needs 40 flights or more, not 39"),
         (("--output", "case.png", "OTHER"), "of one run; 2 runs are given"),
-        (("--sign-for", "me"), "--sign-for leaves a place in a document"),
+        (("--sign-for", "me"), "--sign-for is part of a document: name one with --output, .html, .pdf or .json"),
+        (("--valid", "2026", "--output", "case.csv"), "--valid is part of a document"),
         (("--winds", "5"), "is no rose of winds"),
         (("--winds", "5kt", "--stage", "six-dof"), "exclude each other"),
         (("--winds", "5kt", "--replan", "1"), "name one run, without --winds"),
