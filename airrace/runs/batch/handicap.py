@@ -57,16 +57,21 @@ class WindError:
         if not (0.0 <= self.speed <= 50.0 and 0.0 <= self.direction <= 180.0):
             raise UsageError("the errors of a wind are up to 50 kt and up to 180 degrees")
 
-    def of_race_time(self, optimum: StageView) -> float:
-        """Return the error of an optimum's race time, s; NaN where it has no sensitivity to the wind.
+    def across(self, wind_speed: float) -> float:
+        """Return the error across a wind of a speed, kt.
 
-        A wind that is slower than the error of its speed may come from anywhere.
+        It is what the error of the direction moves the wind by. A wind that is slower than the error of its speed may
+        also be a calm, and so come from anywhere: winds up to that error fill a disc, whose half width at this wind
+        the error is at least. So it is that of the speed in a calm, and changes without a jump.
         """
+        in_disc = math.sqrt(max(0.0, self.speed**2 - wind_speed**2))
+        return max(wind_speed * self.direction * DEGREE, in_disc)
+
+    def of_race_time(self, optimum: StageView) -> float:
+        """Return the error of an optimum's race time, s; NaN where it has no sensitivity to the wind."""
         race = optimum.inputs.race
         wind = race.air.wind or StaticWind(0.0, 0.0)  # a calm that a wind differs from in numbers alone
         race = replace(race, air=replace(race.air, wind=wind))
-        wind_speed = wind.speed / KNOT
-        across = wind_speed * self.direction * DEGREE if wind_speed > self.speed else self.speed
         winds = [
             Parameter(f"{WIND}.along_kt", 0.0, lambda race, along: _with_wind(race, complex(along, 0.0))),
             Parameter(f"{WIND}.across_kt", 0.0, lambda race, across: _with_wind(race, complex(0.0, across))),
@@ -75,7 +80,11 @@ class WindError:
             slopes = [slope.per_unit for slope in sensitivities(winds, race, optimum.inputs.settings, optimum.result)]
         except NotCertified:
             return math.nan
-        return math.hypot(slopes[0] * self.speed, slopes[1] * across) if len(slopes) == 2 else math.nan
+        return (
+            math.hypot(slopes[0] * self.speed, slopes[1] * self.across(wind.speed / KNOT))
+            if len(slopes) == 2
+            else math.nan
+        )
 
 
 def _with_wind(race: Race, change_kt: complex) -> Race:

@@ -140,6 +140,19 @@ def test_a_calm_may_be_a_wind_from_anywhere() -> None:
         WindError(-1.0)
 
 
+def test_an_interval_does_not_jump_where_the_wind_is_as_fast_as_the_error_of_its_speed() -> None:
+    below, above = of(course(), "90/2.99"), of(course(), "90/3.01")
+    assert below.error == pytest.approx(above.error, rel=0.03)
+
+
+@pytest.mark.parametrize("error", [WindError(), WindError(3.0, 0.0), WindError(3.0, 90.0), WindError(0.0, 15.0)])
+def test_the_error_across_a_wind_leads_from_that_of_the_speed_to_that_of_the_direction(error: WindError) -> None:
+    assert error.across(0.0) == error.speed
+    assert error.across(20.0) == pytest.approx(20.0 * math.radians(error.direction))
+    steps = [abs(error.across(0.001 * (knots + 1)) - error.across(0.001 * knots)) for knots in range(6000)]
+    assert max(steps) < 0.1
+
+
 def test_hours_and_headings_tell_the_best_of_both(tmp_path: Path) -> None:
     file, table = tmp_path / "hours.csv", tmp_path / "handicaps.csv"
     file.write_text("hour,from_deg,speed_kt,temperature_C\nmorning,0,2,10\nnoon,0,15,30\n")
