@@ -295,12 +295,17 @@ def headings_of(text: str | None) -> list[float]:
     """Return the angles in degrees of a list and ranges, such as `0:360:15`.
 
     Raises:
-        UsageError: it is none.
+        UsageError: it is none, or an angle is beyond a full turn.
     """
+    expected = "expected degrees from -360 to 360, such as 0:360:15, or 0,30,60"
     try:
-        return [float(value) for value in sweep_of("heading_deg", (text or "0").split(",")).values]
+        angles = [float(value) for value in sweep_of("heading_deg", (text or "0").split(",")).values]
     except ValueError as error:
-        raise UsageError(f"--headings {text}: {error}; expected degrees such as 0:360:15, or 0,30,60") from error
+        raise UsageError(f"--headings {text}: {error}; {expected}") from error
+    for angle in angles:
+        if not -360.0 <= angle <= 360.0:
+            raise UsageError(f"--headings {text}: {angle:g} is out of range; {expected}")
+    return angles
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,7 @@ def test_an_air_that_cannot_be_flown_is_a_row_and_the_others_are_solved(tmp_path
     assert mild.seconds < 0.0  # the air is denser below the level of the sea
 
 
-@pytest.mark.parametrize("text", ["0:x", "0:360:-10", "x", "10,10"])
+@pytest.mark.parametrize("text", ["0:x", "0:360:-10", "x", "10,10", "1e400", "nan", "-inf", "361", "0:720:90"])
 def test_headings_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--headings"):
         headings_of(text)
