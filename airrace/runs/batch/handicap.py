@@ -42,8 +42,6 @@ STANDARD_AIR = (
     *("environment.temperature_offset_K=0", "environment.pressure_offset_hPa=0"),
 )
 """What makes the air of a course still standard air at the level of the sea."""
-ROWS_SHOWN = 40
-"""The largest number of handicaps that are shown to people."""
 
 
 @dataclass(frozen=True)
@@ -254,11 +252,9 @@ class HandicapResult:
 
     def tables(self) -> Iterator[Table]:
         """Yield the tables that there is something in, as people read them."""
-        summaries, table = list(self.summaries()), self.table()
+        summaries = list(self.summaries())
         if not summaries:
-            left = len(table.rows) - ROWS_SHOWN
-            more = (f"{left} more; --output writes all",) if left > 0 else ()
-            yield replace(table, rows=table.rows[:ROWS_SHOWN], notes=(*table.notes, *more))
+            yield self.table().shortened()
         yield from summaries
         if self.flights:
             yield self.flight_table()
