@@ -110,7 +110,14 @@ def handicap(
         Sequence[str],
         Option("A run or a flight log to free of its handicap; as often as you like.", "FLIGHT", flags=("--flight",)),
     ] = (),
-    stage: Annotated[str | Stage, Option("Which stage.", "STAGE", completion="stages")] = "point-mass",
+    stage: Annotated[
+        str | Stage | None,
+        Option(
+            "Which stage; by default the point mass, or the last one of a run that has none.",
+            "STAGE",
+            completion="stages",
+        ),
+    ] = None,
     set: options.Set = (),
     output: Annotated[str | Path | None, options.output("FILE", "Write all handicaps as CSV.")] = None,
     force: options.Force = False,
@@ -140,33 +147,37 @@ def handicap(
     from airrace.files.inputs import load_inputs
     from airrace.files.inputs.weather import read_hours, weather_named
     from airrace.optimal_control.solvers import start_early
-    from airrace.runs.batch.handicap import HandicapSolver, WindError, find_handicaps, headings_of
-    from airrace.runs.execution_plan import plan_new_run, stage_by_name, value_texts
+    from airrace.runs.batch.handicap import (
+        HandicapSolver,
+        WindError,
+        find_handicaps,
+        headings_of,
+        plan_course,
+        start_overrides,
+    )
+    from airrace.runs.execution_plan import stage_by_name, value_texts
     from airrace.runs.output import documents_of, ensure_free, write_text
     from airrace.runs.run_state import RunState, open_run
     from airrace.runtime.process import available_cores
 
-    last, overrides = stage_by_name(stage), value_texts(set)
+    asked_stage, overrides = None if stage is None else stage_by_name(stage), value_texts(set)
     weather = weather_named(wind, qnh, temperature)
     weathers = [weather] if hours is None else read_hours(Path(hours), weather)
     angles = headings_of(headings)
     wind_error = WindError(wind_speed_error_kt, wind_direction_error_deg)
-    solver = HandicapSolver(last, overrides, wind_error, threads or available_cores(), tell)
+    solver = HandicapSolver(overrides, wind_error, threads or available_cores(), tell)
     start_early()
-    plan = None
     if isinstance(run, RunState):
         source = run
     elif Path(run).suffix.lower() == ".h5":
         source = open_run(Path(run))
     else:
-        plan = plan_new_run(load_inputs(run, overrides=overrides), until=last)
-        source = plan.run
+        source = plan_course(load_inputs(run, overrides=start_overrides(overrides, weathers)), asked_stage)
     if output is not None:
-        sources = [run, hours, *aircraft, *flights, *documents_of(source.inputs)]
+        inputs = source.inputs if isinstance(source, RunState) else source.run.inputs
+        sources = [run, hours, *aircraft, *flights, *documents_of(inputs)]
         ensure_free(Path(output), force=force, sources=sources)
-    if plan is not None:
-        source = solver.execute(plan, source.label)
-    result = find_handicaps(source, aircraft, weathers, angles, flights, solver)
+    result = find_handicaps(source, aircraft, weathers, angles, flights, asked_stage, solver)
     if output is not None:
         write_text(Path(output), result.table().csv(".10g"))
     return result

@@ -8,13 +8,17 @@ interval of a handicap follows from the errors of the wind, to first order, by t
 """
 
 import cmath
+import logging
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Self
 
 from airrace.errors import InputError, NotCertified, UsageError
+from airrace.files.inputs import Inputs
 from airrace.files.inputs.air import ORIGIN, WIND
 from airrace.files.inputs.weather import Weather
 from airrace.flights.results.stamp import air_text
@@ -32,16 +36,20 @@ from airrace.runs.execute import execute
 from airrace.runs.execution_plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
 from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
-from airrace.runs.run_state import RunState
-from airrace.runs.session import Session
+from airrace.runs.run_state import RunState, new_run
+from airrace.runs.session import Session, ensure_of_one_stage, optimum_of
 from airrace.runs.stage_view import StageView
 from airrace.runtime.standard_streams import stem_of
 
+logger = logging.getLogger(__name__)
+
+NO_WIND = f"{WIND}=null"
 STANDARD_AIR = (
-    *(f"{WIND}=null", "environment.thermals=null", "origin.elevation_m=0"),
+    *(NO_WIND, "environment.thermals=null", "origin.elevation_m=0"),
     *("environment.temperature_offset_K=0", "environment.pressure_offset_hPa=0"),
 )
 """What makes the air of a course still standard air at the level of the sea."""
+DEFAULT_STAGE = Stage.POINT_MASS
 
 
 @dataclass(frozen=True)
@@ -130,10 +138,18 @@ class Handicap:
 
 @dataclass(frozen=True)
 class FlightHandicap:
-    """A flight and the handicap of the air in which it was flown; `race_time` is without penalties, s."""
+    """A flight and the handicap of the air in which it was flown.
+
+    Attributes:
+        label: its name.
+        race_time: without penalties, s.
+        stage: the fidelity of the optima that the handicap is of.
+        handicap: of its course, aircraft and air.
+    """
 
     label: str
     race_time: float
+    stage: str
     handicap: Handicap
 
     @property
@@ -242,12 +258,14 @@ class HandicapResult:
 
     def flight_table(self) -> Table:
         """Return the flights without their handicaps."""
+        other_stages = any(flight.stage != self.stage for flight in self.flights)
         columns = [Column("flight", key="flight"), Column("aircraft", key="aircraft")]
+        columns.append(Column("handicap by" if other_stages else "", key="stage"))
         columns += [Column("flown", "s", ".3f", key="flown_s"), *HANDICAP, Column("result", "s", ".3f", key="result_s")]
         rows: list[list[Cell | Value]] = []
         for flight in self.flights:
             row = flight.handicap
-            rows.append([flight.label, row.aircraft, flight.race_time, *_numbers(row), flight.result])
+            rows.append([flight.label, row.aircraft, flight.stage, flight.race_time, *_numbers(row), flight.result])
         return Table("flights", columns, rows, ["result: flown without the handicap; penalties are not in it"])
 
     def tables(self) -> Iterator[Table]:
@@ -305,39 +323,115 @@ def headings_of(text: str | None) -> list[float]:
 
 
 @dataclass(frozen=True)
+class OpenedFlight:
+    """A flight that is to be freed of its handicap.
+
+    Attributes:
+        label: its name.
+        race_time: without penalties, s.
+        run: of its course, aircraft and air.
+        plan: by which that run is solved first; None where it is.
+        stage: whose optima the handicap is of.
+    """
+
+    label: str
+    race_time: float
+    run: RunState
+    plan: ExecutionPlan | None
+    stage: Stage
+
+    @classmethod
+    def of(cls, text: str, stage: Stage | None) -> Self:
+        """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`.
+
+        Args:
+            text: its name.
+            stage: see `stage_of`.
+
+        Raises:
+            CheckpointError: the file cannot be read.
+            UsageError: the run has no such stage, or it is no optimum.
+        """
+        name = FlightName.of(text)
+        opened = open_file(name.path)
+        flight = source_of(opened, name.stage).flight()
+        if isinstance(opened, RunState):
+            return cls(flight.label, flight.race_time, opened, None, stage_of(opened, stage))
+        plan = plan_course(opened.inputs, stage)
+        return cls(flight.label, flight.race_time, plan.run, plan, plan.until)
+
+
+def stage_of(run: RunState, asked: Stage | None) -> Stage:
+    """Return the stage of a run whose optimum all others are solved from.
+
+    Args:
+        run: a finished one.
+        asked: which stage; None for the point mass, or the last one of a run that has none.
+
+    Raises:
+        UsageError: the run has no such stage, or it is no optimum.
+    """
+    if asked is None and run.results and DEFAULT_STAGE not in run:
+        asked = run.results[-1].stage
+        logger.warning("%s has no %s; the handicap is by %s", run.label, DEFAULT_STAGE.value, asked.value)
+    return optimum_of(run, asked or DEFAULT_STAGE).stage
+
+
+def plan_course(inputs: Inputs, stage: Stage | None) -> ExecutionPlan:
+    """Return the plan to solve a course up to a stage, by default the point mass.
+
+    A reserve is not searched for, which takes thousands of flights; margins that it has stay.
+    """
+    if inputs.reserve is not None:
+        inputs = Changes(overrides=["rules.reserve=null"]).inputs(new_run(inputs))
+    return plan_new_run(inputs, until=stage or DEFAULT_STAGE)
+
+
+def start_overrides(overrides: Sequence[str], hours: Sequence[Weather]) -> list[str]:
+    """Return the values with which courses and aircraft are solved first: in a calm where all hours have a wind.
+
+    So a profile may be told of winds of which the course has none.
+    """
+    return [*overrides, NO_WIND] if all(hour.wind is not None for hour in hours) else list(overrides)
+
+
+def name_of_aircraft(inputs: Inputs) -> str:
+    """Return the name of the file of an aircraft."""
+    return stem_of(Path(inputs.aircraft.path))
+
+
+@dataclass(frozen=True)
 class HandicapSolver:
     """A solver of handicaps by warm sessions.
 
     Attributes:
-        stage: of all optima.
         overrides: values that are otherwise than in the runs.
         wind_error: of all winds.
         threads: that evaluate derivatives.
         tell: hears of every optimum, in words.
     """
 
-    stage: Stage
     overrides: Sequence[str]
     wind_error: WindError
     threads: int
     tell: Callable[[str], None]
 
     def execute(self, plan: ExecutionPlan, label: str) -> RunState:
-        """Return a run with all stages up to that of the optima."""
-        self.tell(f"{label}: solving {self.stage.value}")
+        """Return a run with all stages of a plan."""
+        self.tell(f"{label}: solving {plan.until.value}")
         run = plan.run
         for state in execute(plan, threads=self.threads, progress=Silent()):
             run = state
         return run
 
-    def solve(self, run: RunState, hours: Sequence[Weather], headings: Sequence[float]) -> list[Handicap]:
-        """Return the handicaps of a run, hour by hour, heading by heading.
+    def solve(self, run: RunState, stage: Stage, hours: Sequence[Weather], headings: Sequence[float]) -> list[Handicap]:
+        """Return the handicaps of a run by one of its stages, hour by hour, heading by heading.
 
         Every optimum is solved from that of the run, so that none depends on which others are asked for.
         """
-        aircraft, handicaps = name_of_aircraft(run), list[Handicap]()
-        course_air = Changes(overrides=self.overrides).inputs(run).race.air
-        with Session(run, self.stage, threads=self.threads) as session:
+        aircraft, handicaps = name_of_aircraft(run.inputs), list[Handicap]()
+        course_air = Changes(overrides=[*self.overrides, NO_WIND]).inputs(run).race.air  # its elevation, temperature
+        with Session(run, stage, threads=self.threads) as session:
             own = {} if self.overrides else {run.race.air: session.optimum}
             standard_texts = [*self.overrides, *STANDARD_AIR]
             standard_air = Changes(overrides=standard_texts).inputs(run).race.air
@@ -378,21 +472,11 @@ class HandicapSolver:
             optimum = session.solve(texts, start=standard)
         return optimum
 
-    def solve_flight(self, text: str) -> FlightHandicap:
-        """Return a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, with the handicap of the air that it flew in."""
-        name = FlightName.of(text)
-        run_or_log = open_file(name.path)
-        flight = source_of(run_or_log, name.stage).flight()
-        run = run_or_log
-        if not isinstance(run, RunState):
-            run = self.execute(plan_new_run(run.inputs, until=self.stage), text)
-        (handicap,) = replace(self, overrides=()).solve(run, [Weather()], [0.0])
-        return FlightHandicap(flight.label, flight.race_time, handicap)
-
-
-def name_of_aircraft(run: RunState) -> str:
-    """Return the name of the file of a run's aircraft."""
-    return stem_of(Path(run.inputs.aircraft.path))
+    def solve_flight(self, flight: OpenedFlight) -> FlightHandicap:
+        """Return a flight with the handicap of the air that it flew in."""
+        run = flight.run if flight.plan is None else self.execute(flight.plan, flight.label)
+        (handicap,) = replace(self, overrides=()).solve(run, flight.stage, [Weather()], [0.0])
+        return FlightHandicap(flight.label, flight.race_time, flight.stage.value, handicap)
 
 
 def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
@@ -402,7 +486,7 @@ def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
     """
     wind = air.wind
     if wind is None or wind.speed == 0.0:
-        return replace(air, wind=None), [f"{WIND}=null"]
+        return replace(air, wind=None), [NO_WIND]
     if not heading:
         return air, []
     origin = (math.degrees(wind.origin) - heading) % 360.0
@@ -410,31 +494,40 @@ def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
 
 
 def find_handicaps(
-    run: RunState,
+    source: RunState | ExecutionPlan,
     aircraft: Sequence[str | Path],
     hours: Sequence[Weather],
     headings: Sequence[float],
     flights: Sequence[str],
+    stage: Stage | None,
     solver: HandicapSolver,
 ) -> HandicapResult:
-    """Return the handicaps of a course; see `airrace.handicap`.
+    """Return the handicaps of a course; see `airrace.handicap`. All files are read before anything is solved.
 
     Args:
-        run: whose optimum all others are solved from.
+        source: a run, whose optimum all others are solved from, or the plan of one that is solved first.
         aircraft: other aircraft, each of which is flown from that optimum first.
         hours, headings: all of whose combinations are flown.
         flights: by name.
+        stage: see `stage_of`.
         solver: of the handicaps.
     """
-    runs = {name_of_aircraft(run): run}
-    for other in aircraft:
-        plan = plan_changed_run(run, Changes(aircraft=other, overrides=solver.overrides), until=solver.stage)
-        name = name_of_aircraft(plan.run)
-        if name in runs:
-            raise UsageError(f"two aircraft have one name, {name}; leave one out, or rename its file")
-        runs[name] = solver.execute(plan, name)
+    run = source if isinstance(source, RunState) else source.run
+    last = stage_of(run, stage) if isinstance(source, RunState) else source.until
+    start = start_overrides(solver.overrides, hours)
+    ensure_of_one_stage(run, Changes(overrides=start).inputs(run))
+    changes = [Changes(aircraft=other, overrides=start) for other in aircraft]
+    names = [name_of_aircraft(inputs) for inputs in (run.inputs, *(change.inputs(run) for change in changes))]
+    ((name, number),) = Counter(names).most_common(1)
+    if number > 1:
+        raise UsageError(f"two aircraft have one name, {name}; leave one out, or rename its file")
+    opened = [OpenedFlight.of(text, stage) for text in flights]
+    if isinstance(source, ExecutionPlan):
+        run = solver.execute(source, run.label)
+    plans = [plan_changed_run(run, change, until=last) for change in changes]
+    runs = [run, *(solver.execute(plan, name) for plan, name in zip(plans, names[1:], strict=True))]
     handicaps: list[Handicap] = []
-    for run_of_aircraft in runs.values():
-        handicaps += solver.solve(run_of_aircraft, hours, headings)
-    flown = tuple(map(solver.solve_flight, flights))
-    return HandicapResult(run.race.course.name, solver.stage.value, tuple(handicaps), flown)
+    for run_of_aircraft in runs:
+        handicaps += solver.solve(run_of_aircraft, last, hours, headings)
+    flown = tuple(map(solver.solve_flight, opened))
+    return HandicapResult(run.race.course.name, last.value, tuple(handicaps), flown)

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,9 +13,11 @@ from command import run as run_command
 
 import airrace
 from airrace.api.run import Run
-from airrace.errors import UsageError
+from airrace.errors import AirraceError, UsageError
 from airrace.files.inputs import load_inputs
+from airrace.files.inputs.weather import weather_named
 from airrace.model.environment import Air
+from airrace.procedure.stage import Stage
 from airrace.runs.batch.handicap import (
     STANDARD_AIR,
     FlightHandicap,
@@ -22,6 +25,8 @@ from airrace.runs.batch.handicap import (
     HandicapResult,
     WindError,
     headings_of,
+    plan_course,
+    start_overrides,
 )
 
 COURSE = "half_cuban_eight"
@@ -172,6 +177,59 @@ def test_hours_and_headings_tell_the_best_of_both(tmp_path: Path) -> None:
     assert [float(row["handicap_s"]) for row in rows] == pytest.approx([row.seconds for row in result.handicaps])
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"flights": ["none.h5"]},
+        {"aircraft": ["pc9", "pc9"]},
+        {"aircraft": ["none.yaml"]},
+    ],
+)
+def test_nothing_is_solved_before_all_that_is_named_is_found_to_be_there(options: dict[str, list[str]]) -> None:
+    told: list[str] = []
+    with pytest.raises(AirraceError):
+        airrace.handicap(course(), headings="0,90", tell=told.append, **options)  # type: ignore[arg-type]
+    with pytest.raises(AirraceError):  # a course that is still to be solved
+        airrace.handicap(COURSE, headings="0,90", tell=told.append, **options)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="settings"):
+        airrace.handicap(course(), aircraft=["pc9"], set=["settings.search=thorough"], tell=told.append)
+    assert told == []
+
+
+def test_a_run_without_a_point_mass_has_the_handicap_of_its_last_stage(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = airrace.optimize(COURSE, search="off")
+    bare = replace(run, checkpoint=replace(run.checkpoint, stages=())).with_stage(run.results[-1])
+    bare.save(tmp_path / "bare.h5")
+    result = airrace.handicap(bare, wind="0/10")
+    assert result.stage == "six-dof"
+    assert "has no point-mass; the handicap is by six-dof" in caplog.text
+    whole = airrace.handicap(run, wind="0/10", stage="six-dof")
+    assert result.handicaps[0].seconds == whole.handicaps[0].seconds
+    beside = airrace.handicap(course(), flights=[str(tmp_path / "bare.h5")])
+    assert (beside.stage, beside.flights[0].handicap.seconds) == ("point-mass", 0.0)
+    heads, cells = beside.flight_table().texts()
+    assert cells[heads.index("handicap by")] == "six-dof"
+    with pytest.raises(UsageError, match="no stage 'point-mass'"):
+        airrace.handicap(bare, stage="point-mass")
+
+
+def test_a_course_with_a_reserve_is_solved_without_a_search_for_it() -> None:
+    plan = plan_course(load_inputs(COURSE, overrides=["rules.reserve.probability=0.9"]), None)
+    assert (plan.until, plan.reserve, plan.run.inputs.reserve) == (Stage.POINT_MASS, None, None)
+
+
+def test_a_profile_is_that_of_winds_of_which_the_course_has_none() -> None:
+    profile = ["environment.wind.profile=power", "environment.wind.exponent=0.3"]
+    whole = ["environment.wind.from_deg=240", "environment.wind.speed_kt=10", *profile]
+    assert of(course(), "240/10", set=profile).seconds == of(course(), set=whole).seconds
+    assert of(course(), "240/10", set=profile).seconds != of(course(), "240/10").seconds
+    assert of(course(), "0/0", set=profile).seconds == 0.0
+    plan = start_overrides(profile, [weather_named("240/10", None, None)])
+    assert load_inputs(COURSE, overrides=plan).race.air.wind is None  # a course that is solved first
+
+
 def row(aircraft: str, seconds: float, hour: str = "", heading: float = 0.0, message: str = "") -> Handicap:
     return Handicap(aircraft, hour, heading, Air(), 50.0 + seconds, 50.0, 0.1, message)
 
@@ -201,7 +259,7 @@ def test_headings_that_lack_an_optimum_are_not_compared() -> None:
 
 
 def test_a_flight_without_its_handicap_keeps_the_pilot_s_own_gap() -> None:
-    assert FlightHandicap("a", 57.3, row("a", 1.0)).result == pytest.approx(56.3)
+    assert FlightHandicap("a", 57.3, "point-mass", row("a", 1.0)).result == pytest.approx(56.3)
 
 
 def test_an_air_that_cannot_be_flown_is_a_row_and_the_others_are_solved(tmp_path: Path) -> None:
