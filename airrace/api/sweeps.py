@@ -100,7 +100,7 @@ def handicap(
         Option("The weather of many hours: CSV of hour, from_deg, speed_kt, qnh_hPa, temperature_C.", "FILE"),
     ] = None,
     headings: Annotated[
-        str | None, Option("Turn the course clockwise by these angles, e.g. 0:360:15.", "FIRST:LAST:STEP")
+        str | None, Option("Rotate the course clockwise by these angles, e.g. 0:360:15.", "FIRST:LAST:STEP")
     ] = None,
     aircraft: Annotated[
         Sequence[str | Path],
@@ -130,7 +130,7 @@ def handicap(
     best, and which way the course should lie.
 
     Args:
-        headings: degrees; the course is turned with all that stands around it.
+        headings: degrees; the course is rotated with all that stands around it.
         aircraft: further ones; each is flown from the optimum of the run first.
         flights: runs and flight logs, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, each in its own air.
         set: values that are otherwise than in the run, see `optimize`; not of flights.

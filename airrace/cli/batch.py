@@ -1,4 +1,4 @@
-"""Commands that solve many: `batch` (many courses), `sweep` (many values) and `handicap` (many airs)."""
+"""Commands that solve many: `batch` (many courses), `sweep` (many values) and `handicap` (many hours and headings)."""
 
 import signal
 import sys

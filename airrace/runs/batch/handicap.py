@@ -1,4 +1,4 @@
-"""Handicaps: what the day costs a race against still standard air, in many hours and with the course turned.
+"""Handicaps: what the day costs a race against still standard air, in many hours and with the course rotated.
 
     handicap = optimum in the air of the day - optimum in still standard air at the level of the sea
 
@@ -108,7 +108,7 @@ class Handicap:
     Attributes:
         aircraft: its name.
         hour: its name; empty where there is only one.
-        heading: by which the course is turned clockwise, deg.
+        heading: by which the course is rotated clockwise, deg.
         air: over the ground; None where the inputs are not valid.
         race_time: of the optimum in it, s; NaN where there is none.
         standard: that in still standard air, s; NaN likewise.
@@ -199,7 +199,7 @@ class HandicapResult:
         columns = (
             Column("aircraft" if several else "", key="aircraft"),
             Column("hour" if any(row.hour for row in self.handicaps) else "", key="hour"),
-            Column("turned" if any(row.heading for row in self.handicaps) else "", "deg", "g", key="heading_deg"),
+            Column("rotated" if any(row.heading for row in self.handicaps) else "", "deg", "g", key="heading_deg"),
             Column("air", key="air", wraps=True),
             *(Column(form=".6g", key=key) for key in ("wind_from_deg", "wind_kt")),
             Column("optimum", "s", ".3f", key="race_time_s"),
@@ -230,7 +230,7 @@ class HandicapResult:
         """Yield every aircraft's mean, least and largest handicap, by heading and by hour, where there are several of
         both."""
         if len({row.heading for row in self.handicaps}) > 1 and len({row.hour for row in self.handicaps}) > 1:
-            heading = Column("turned", "deg", "g", key="heading_deg")
+            heading = Column("rotated", "deg", "g", key="heading_deg")
             yield self._summary("which way the course should lie", heading, lambda row: row.heading)
             yield self._summary("which hour is best", Column("hour", key="hour"), lambda row: row.hour)
 
@@ -245,7 +245,7 @@ class HandicapResult:
         rows: list[tuple[str, str | float, float, float, float, float]] = []
         for (aircraft, value), seconds in groups.items():
             mean, least, most = sum(seconds) / len(seconds), min(seconds), max(seconds)
-            if math.isnan(mean):  # an optimum is missing, so the others are of other airs than their neighbours'
+            if math.isnan(mean):  # an optimum is missing, so this mean would be over other weather than the others
                 least = most = math.nan
             rows.append((aircraft, value, mean, least, most, most - least))
         notes: list[str] = []
@@ -300,9 +300,9 @@ def _numbers(handicap: Handicap) -> tuple[float, float, float]:
 
 
 def place_of(handicap: Handicap) -> str:
-    """Return aircraft, hour and heading of a handicap in words."""
-    turned = f"turned by {handicap.heading:g} deg" if handicap.heading else ""
-    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, turned)))
+    """Return aircraft, hour and rotation of a handicap in words."""
+    rotated = f"rotated by {handicap.heading:g} deg" if handicap.heading else ""
+    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, rotated)))
 
 
 def headings_of(text: str | None) -> list[float]:
@@ -445,9 +445,9 @@ class HandicapSolver:
                 try:
                     ground_air = Changes(overrides=texts).inputs(run).race.air
                     row = replace(row, air=ground_air)
-                    air, turned_texts = _turned(ground_air, heading)
+                    air, rotated_texts = _rotated(ground_air, heading)
                     if air not in optima:
-                        optima[air] = self._optimum(session, [*texts, *turned_texts], standard)
+                        optima[air] = self._optimum(session, [*texts, *rotated_texts], standard)
                 except InputError as error:
                     handicaps.append(replace(row, message=error.findings[0].message))
                     continue
@@ -479,10 +479,10 @@ class HandicapSolver:
         return FlightHandicap(flight.label, flight.race_time, flight.stage.value, handicap)
 
 
-def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
-    """Return the air over a course that is turned clockwise, as the course sees it, and what sets it.
+def _rotated(air: Air, heading: float) -> tuple[Air, list[str]]:
+    """Return the air over a course that is rotated clockwise, as the course sees it, and what sets it.
 
-    A course that is turned with all that stands around it flies as one that lies still in a wind turned the other way.
+    A course that is rotated with all that stands around it flies as before in a wind rotated the other way.
     """
     wind = air.wind
     if wind is None or wind.speed == 0.0:

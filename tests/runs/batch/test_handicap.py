@@ -1,4 +1,4 @@
-"""Handicaps: laws of turned, mirrored and still air, their intervals, other aircraft, flights, and the command."""
+"""Handicaps: laws of rotated, mirrored and still air, their intervals, other aircraft, flights, and the command."""
 
 import csv
 import json
@@ -49,13 +49,13 @@ def windy() -> Run:
 
 @cache
 def headed(heading: int) -> Run:
-    """The course turned clockwise; as it is symmetric, the other way is its mirror image."""
+    """The course rotated clockwise; as it is symmetric, the other way is its mirror image."""
     text = load_inputs(COURSE).track.text
     lines = {f"heading_deg: {angle}\n": f"heading_deg: {(angle + heading) % 360}\n" for angle in (0, 180)}
-    for line, turned_line in lines.items():
-        text = text.replace(line, turned_line)
+    for line, rotated_line in lines.items():
+        text = text.replace(line, rotated_line)
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "turned.yaml")
+        file = Path(folder, "rotated.yaml")
         file.write_text(text, encoding="utf-8")
         return airrace.optimize(file, until="point-mass", search="off")
 
@@ -93,13 +93,13 @@ def test_winds_from_either_side_of_a_symmetric_course_cost_the_same() -> None:
     assert left.error == pytest.approx(right.error, rel=0.05)
 
 
-def test_a_course_that_is_turned_in_a_wind_that_is_turned_has_the_same_handicap() -> None:
+def test_a_course_that_is_rotated_in_a_wind_that_is_rotated_has_the_same_handicap() -> None:
     straight, both = of(course(), "60/10"), of(headed(40), "100/10")
     assert both.seconds == pytest.approx(straight.seconds, abs=SOLVED_AGAIN)
     assert both.error == pytest.approx(straight.error, rel=0.05)
 
 
-def test_headings_turn_the_course() -> None:
+def test_headings_rotate_the_course() -> None:
     by_heading = of(course(), "100/10", headings="40")
     assert by_heading.seconds == pytest.approx(of(headed(40), "100/10").seconds, abs=SOLVED_AGAIN)
     assert by_heading.seconds != pytest.approx(of(course(), "100/10").seconds, abs=20 * SOLVED_AGAIN)
@@ -244,9 +244,9 @@ def test_aircraft_are_behind_the_fastest_in_the_same_air() -> None:
 def test_a_missing_optimum_is_reported_and_left_out() -> None:
     rows = (row("a", math.nan, "x", 30.0, "no flight was found"), row("a", -1.0, "y", 30.0), row("a", 0.0, "z"))
     result = HandicapResult("course", "point-mass", rows)
-    assert result.messages == ("a, x, turned by 30 deg: no flight was found",)
+    assert result.messages == ("a, x, rotated by 30 deg: no flight was found",)
     assert result.as_object()["handicaps"][0]["handicap_s"] is None  # type: ignore[index]
-    assert "fastest: a, y, turned by 30 deg, -1.000 s" in result.table().notes
+    assert "fastest: a, y, rotated by 30 deg, -1.000 s" in result.table().notes
 
 
 def test_headings_that_lack_an_optimum_are_not_compared() -> None:
