@@ -100,7 +100,7 @@ def handicap(
         Option("The weather of many hours: CSV of hour, from_deg, speed_kt, qnh_hPa, temperature_C.", "FILE"),
     ] = None,
     headings: Annotated[
-        str | None, Option("Turn the course clockwise by these angles, e.g. 0:360:15.", "FIRST:LAST:STEP")
+        str | None, Option("Rotate the course clockwise by these angles, e.g. 0:360:15.", "FIRST:LAST:STEP")
     ] = None,
     aircraft: Annotated[
         Sequence[str | Path],
@@ -110,7 +110,14 @@ def handicap(
         Sequence[str],
         Option("A run or a flight log to free of its handicap; as often as you like.", "FLIGHT", flags=("--flight",)),
     ] = (),
-    stage: Annotated[str | Stage, Option("Which stage.", "STAGE", completion="stages")] = "point-mass",
+    stage: Annotated[
+        str | Stage | None,
+        Option(
+            "Which stage; by default the point mass, or the last one of a run that has none.",
+            "STAGE",
+            completion="stages",
+        ),
+    ] = None,
     set: options.Set = (),
     output: Annotated[str | Path | None, options.output("FILE", "Write all handicaps as CSV.")] = None,
     force: options.Force = False,
@@ -123,7 +130,7 @@ def handicap(
     best, and which way the course should lie.
 
     Args:
-        headings: degrees; the course is turned with all that stands around it.
+        headings: degrees; the course is rotated with all that stands around it.
         aircraft: further ones; each is flown from the optimum of the run first.
         flights: runs and flight logs, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, each in its own air.
         set: values that are otherwise than in the run, see `optimize`; not of flights.
@@ -140,33 +147,37 @@ def handicap(
     from airrace.files.inputs import load_inputs
     from airrace.files.inputs.weather import read_hours, weather_named
     from airrace.optimal_control.solvers import start_early
-    from airrace.runs.batch.handicap import HandicapSolver, WindError, find_handicaps, headings_of
-    from airrace.runs.execution_plan import plan_new_run, stage_by_name, value_texts
+    from airrace.runs.batch.handicap import (
+        HandicapSolver,
+        WindError,
+        find_handicaps,
+        headings_of,
+        plan_course,
+        start_overrides,
+    )
+    from airrace.runs.execution_plan import stage_by_name, value_texts
     from airrace.runs.output import documents_of, ensure_free, write_text
     from airrace.runs.run_state import RunState, open_run
     from airrace.runtime.process import available_cores
 
-    last, overrides = stage_by_name(stage), value_texts(set)
+    asked_stage, overrides = None if stage is None else stage_by_name(stage), value_texts(set)
     weather = weather_named(wind, qnh, temperature)
     weathers = [weather] if hours is None else read_hours(Path(hours), weather)
     angles = headings_of(headings)
     wind_error = WindError(wind_speed_error_kt, wind_direction_error_deg)
-    solver = HandicapSolver(last, overrides, wind_error, threads or available_cores(), tell)
+    solver = HandicapSolver(overrides, wind_error, threads or available_cores(), tell)
     start_early()
-    plan = None
     if isinstance(run, RunState):
         source = run
     elif Path(run).suffix.lower() == ".h5":
         source = open_run(Path(run))
     else:
-        plan = plan_new_run(load_inputs(run, overrides=overrides), until=last)
-        source = plan.run
+        source = plan_course(load_inputs(run, overrides=start_overrides(overrides, weathers)), asked_stage)
     if output is not None:
-        sources = [run, hours, *aircraft, *flights, *documents_of(source.inputs)]
+        inputs = source.inputs if isinstance(source, RunState) else source.run.inputs
+        sources = [run, hours, *aircraft, *flights, *documents_of(inputs)]
         ensure_free(Path(output), force=force, sources=sources)
-    if plan is not None:
-        source = solver.execute(plan, source.label)
-    result = find_handicaps(source, aircraft, weathers, angles, flights, solver)
+    result = find_handicaps(source, aircraft, weathers, angles, flights, asked_stage, solver)
     if output is not None:
         write_text(Path(output), result.table().csv(".10g"))
     return result

@@ -1,4 +1,4 @@
-"""Commands that solve many: `batch` (many courses), `sweep` (many values) and `handicap` (many airs)."""
+"""Commands that solve many: `batch` (many courses), `sweep` (many values) and `handicap` (many hours and headings)."""
 
 import signal
 import sys
@@ -94,14 +94,9 @@ def stopping() -> Generator[Callable[[], bool], None, None]:
             signal.signal(number, handler)
 
 
-ROWS_SHOWN = 30
-"""The largest number of combinations that a terminal shows."""
-
-
 @command(sweeps.sweep)
 def sweep(command_result: PrintedResult, function: "partial[SweepResult]", *, force: options.Force = False) -> None:
     from airrace.pages.views.plain_text import SafeStream
-    from airrace.pages.views.tables import Table
     from airrace.runs.output import ensure_free
 
     output = function.keywords["output"]
@@ -114,10 +109,7 @@ def sweep(command_result: PrintedResult, function: "partial[SweepResult]", *, fo
 
     result = function(tell=tell) if not command_result.quiet and sys.stderr.isatty() else function()
     command_result.fields.update(result.as_object())
-    table = result.table()
-    left = len(table.rows) - ROWS_SHOWN
-    more = (f"{left} more; --output writes all",) if left > 0 else ()
-    command_result.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
+    command_result.add(result.table().shortened())
     command_result.add_files(output)
     if unsolved := len(result.points) - result.solved:
         command_result.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(result.points)} combinations have no optimum")

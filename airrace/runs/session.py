@@ -40,6 +40,18 @@ def ensure_of_one_stage(run: RunState, inputs: Inputs) -> None:
             )
 
 
+def optimum_of(run: RunState, stage: str | Stage | None) -> StageView:
+    """Return the stage of a run that others are solved from; None for its last one.
+
+    Raises:
+        UsageError: the run has no such stage, or it is no optimum.
+    """
+    view = run.stage(stage)
+    if not view.result.holds:
+        raise UsageError(f"{view.name} of {run.label} is {view.status}: there is no optimum to start from")
+    return view
+
+
 class Session:
     """One stage of a run, solved again whenever a number changes: models, solver process and optimum stay.
 
@@ -70,9 +82,7 @@ class Session:
         self, run: RunState | str | Path, stage: str | Stage | None = None, *, threads: int | None = None
     ) -> None:
         self._run = run if isinstance(run, RunState) else open_run(Path(run))
-        view = self._run.stage(stage)
-        if not view.result.holds:
-            raise UsageError(f"{view.name} of {self._run.label} is {view.status}: there is no optimum to start from")
+        view = optimum_of(self._run, stage)
         self._warm = WarmStage(
             self._run.race, self._run.inputs.settings, view.result, threads=threads or available_cores()
         )

@@ -22,7 +22,7 @@ from airrace.flights.sensitivity import Activity, Sensitivity
 from airrace.model.parameters import ParameterGroup
 from airrace.optimal_control.certificate import Certificate, Item, RefinementReason
 from airrace.pages.views.stage_tables import splits_table, stages_table
-from airrace.pages.views.tables import Column, Table
+from airrace.pages.views.tables import ROWS_SHOWN, Column, Table
 from airrace.procedure.result import MeshRecord, StageProvenance, Status
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
@@ -238,3 +238,10 @@ def test_an_error_outranks_what_a_stage_came_to() -> None:
     with pytest.raises(typer.Exit) as left:
         fail_twice()
     assert left.value.exit_code == 8
+
+
+@pytest.mark.parametrize("number", [ROWS_SHOWN, ROWS_SHOWN + 3])
+def test_a_table_of_many_results_is_cut_and_says_so(number: int) -> None:
+    table = Table("", [Column("n", form="g")], [[float(row)] for row in range(number)], ["a note"]).shortened()
+    assert [row[0] for row in table.rows] == list(range(ROWS_SHOWN))
+    assert table.notes == (("a note",) if number == ROWS_SHOWN else ("a note", "3 more; --output writes all"))

@@ -1,7 +1,7 @@
 """The weather of an hour as pilots are told it, wind, QNH and temperature; and files of many hours."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -90,32 +90,47 @@ def read_hours(path: Path, common: Weather) -> list[Weather]:
     """
     file = str(path)
     try:
-        reader = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), skipinitialspace=True)
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is no UTF-8 text"
         refuse(file, 0, f"cannot be read: {reason}")
-    known = ("hour", *RANGES)
-    reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-    if "hour" not in reader.fieldnames:
-        refuse(file, 1, f"there is no column `hour`; the columns are {', '.join(known)}")
-    if unknown := [name for name in reader.fieldnames if name not in known]:
-        refuse(file, 1, f"there is no such column; known are {', '.join(known)}", unknown[0])
-    hours: dict[str, Weather] = {}
-    for row in reader:
-        cells = {key: (text or "").strip() for key, text in row.items() if key is not None}
-        hour, line = cells.get("hour", ""), reader.line_num
-        if None in row or not hour:
-            refuse(file, line, "more cells than columns" if None in row else "the hour has no name")
-        if hour in hours:
-            refuse(file, line, f"{hour} stands there twice", "hour")
-        try:
-            hours[hour] = _weather(cells, replace(common, hour=hour))
-        except CellError as error:
-            name, message = error.args
-            refuse(file, line, message, name)
+    reader, hours = csv.reader(text.splitlines(), skipinitialspace=True), dict[str, Weather]()
+    try:
+        names = _columns(file, next(reader, list[str]()))
+        for row in reader:
+            values = [value.strip() for value in row]
+            if not any(values):
+                continue  # spreadsheets write rows of commas
+            cells, line = dict(zip(names, values, strict=False)), reader.line_num
+            hour = cells.get("hour", "")
+            if any(values[len(names) :]):
+                refuse(file, line, "more cells than columns")
+            if not hour:
+                refuse(file, line, "the hour has no name")
+            if hour in hours:
+                refuse(file, line, f"{hour} stands there twice", "hour")
+            try:
+                hours[hour] = _weather(cells, replace(common, hour=hour))
+            except CellError as error:
+                name, message = error.args
+                refuse(file, line, message, name)
+    except csv.Error as error:
+        refuse(file, reader.line_num, f"is no line of a CSV file: {error}")
     if not hours:
         refuse(file, 1, "there is no hour in it")
     return list(hours.values())
+
+
+def _columns(file: str, heads: Sequence[str]) -> list[str]:
+    """Return the names of the columns of a file of hours."""
+    known, names = ("hour", *RANGES), [head.strip() for head in heads]
+    while names and not names[-1]:
+        names.pop()
+    if "hour" not in names:
+        refuse(file, 1, f"there is no column `hour`; the columns are {', '.join(known)}")
+    if unknown := [name for name in names if name not in known]:
+        refuse(file, 1, f"there is no such column; known are {', '.join(known)}", unknown[0])
+    return names
 
 
 class CellError(ValueError):
@@ -143,5 +158,5 @@ def _weather(cells: Mapping[str, str], common: Weather) -> Weather:
     if speed is not None and (origin is not None or speed == 0.0):
         wind = Wind(speed, origin or 0.0)
     elif speed is not None or origin is not None:
-        raise CellError(WIND_FROM, f"a wind has both `{WIND_FROM}` and `{WIND_SPEED}`")
+        raise CellError(WIND_FROM, f"a wind needs both its direction, `{WIND_FROM}`, and its speed, `{WIND_SPEED}`")
     return Weather(common.hour, wind, numbers.get(QNH, common.qnh), numbers.get(TEMPERATURE, common.temperature))

@@ -26,6 +26,8 @@ Value = str | float | None
 STYLE = "text-align: {}; padding: 0 0.6em; white-space: nowrap"
 LEFT_OUT = "too narrow for: "
 """The beginning of the note on columns that are left out."""
+ROWS_SHOWN = 40
+"""The largest number of rows of a table of many results that people are shown where a file has them all."""
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
 
 
@@ -136,6 +138,12 @@ class Table:
             rows=[[row[place] for place in places] for row in self.rows],
             notes=notes,
         )
+
+    def shortened(self) -> "Table":
+        """Return the first rows alone where there are many, with a note of how many `--output` writes beside them."""
+        left = len(self.rows) - ROWS_SHOWN
+        more = (f"{left} more; --output writes all",) if left > 0 else ()
+        return replace(self, rows=self.rows[:ROWS_SHOWN], notes=(*self.notes, *more))
 
     def text(self) -> str:
         """Return columns side by side, names to the left and numbers to the right, without rules."""

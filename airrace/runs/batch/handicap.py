@@ -1,4 +1,4 @@
-"""Handicaps: what the day costs a race against still standard air, in many hours and with the course turned.
+"""Handicaps: what the day costs a race against still standard air, in many hours and with the course rotated.
 
     handicap = optimum in the air of the day - optimum in still standard air at the level of the sea
 
@@ -8,13 +8,17 @@ interval of a handicap follows from the errors of the wind, to first order, by t
 """
 
 import cmath
+import logging
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Self
 
 from airrace.errors import InputError, NotCertified, UsageError
+from airrace.files.inputs import Inputs
 from airrace.files.inputs.air import ORIGIN, WIND
 from airrace.files.inputs.weather import Weather
 from airrace.flights.results.stamp import air_text
@@ -32,18 +36,20 @@ from airrace.runs.execute import execute
 from airrace.runs.execution_plan import Changes, ExecutionPlan, plan_changed_run, plan_new_run
 from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
-from airrace.runs.run_state import RunState
-from airrace.runs.session import Session
+from airrace.runs.run_state import RunState, new_run
+from airrace.runs.session import Session, ensure_of_one_stage, optimum_of
 from airrace.runs.stage_view import StageView
 from airrace.runtime.standard_streams import stem_of
 
+logger = logging.getLogger(__name__)
+
+NO_WIND = f"{WIND}=null"
 STANDARD_AIR = (
-    *(f"{WIND}=null", "environment.thermals=null", "origin.elevation_m=0"),
+    *(NO_WIND, "environment.thermals=null", "origin.elevation_m=0"),
     *("environment.temperature_offset_K=0", "environment.pressure_offset_hPa=0"),
 )
 """What makes the air of a course still standard air at the level of the sea."""
-ROWS_SHOWN = 40
-"""The largest number of handicaps that are shown to people."""
+DEFAULT_STAGE = Stage.POINT_MASS
 
 
 @dataclass(frozen=True)
@@ -57,16 +63,21 @@ class WindError:
         if not (0.0 <= self.speed <= 50.0 and 0.0 <= self.direction <= 180.0):
             raise UsageError("the errors of a wind are up to 50 kt and up to 180 degrees")
 
-    def of_race_time(self, optimum: StageView) -> float:
-        """Return the error of an optimum's race time, s; NaN where it has no sensitivity to the wind.
+    def across(self, wind_speed: float) -> float:
+        """Return the error across a wind of a speed, kt.
 
-        A wind that is slower than the error of its speed may come from anywhere.
+        It is what the error of the direction moves the wind by. A wind that is slower than the error of its speed may
+        also be a calm, and so come from anywhere: winds up to that error fill a disc, whose half width at this wind
+        the error is at least. So it is that of the speed in a calm, and changes without a jump.
         """
+        in_disc = math.sqrt(max(0.0, self.speed**2 - wind_speed**2))
+        return max(wind_speed * self.direction * DEGREE, in_disc)
+
+    def of_race_time(self, optimum: StageView) -> float:
+        """Return the error of an optimum's race time, s; NaN where it has no sensitivity to the wind."""
         race = optimum.inputs.race
         wind = race.air.wind or StaticWind(0.0, 0.0)  # a calm that a wind differs from in numbers alone
         race = replace(race, air=replace(race.air, wind=wind))
-        wind_speed = wind.speed / KNOT
-        across = wind_speed * self.direction * DEGREE if wind_speed > self.speed else self.speed
         winds = [
             Parameter(f"{WIND}.along_kt", 0.0, lambda race, along: _with_wind(race, complex(along, 0.0))),
             Parameter(f"{WIND}.across_kt", 0.0, lambda race, across: _with_wind(race, complex(0.0, across))),
@@ -75,7 +86,11 @@ class WindError:
             slopes = [slope.per_unit for slope in sensitivities(winds, race, optimum.inputs.settings, optimum.result)]
         except NotCertified:
             return math.nan
-        return math.hypot(slopes[0] * self.speed, slopes[1] * across) if len(slopes) == 2 else math.nan
+        return (
+            math.hypot(slopes[0] * self.speed, slopes[1] * self.across(wind.speed / KNOT))
+            if len(slopes) == 2
+            else math.nan
+        )
 
 
 def _with_wind(race: Race, change_kt: complex) -> Race:
@@ -93,7 +108,7 @@ class Handicap:
     Attributes:
         aircraft: its name.
         hour: its name; empty where there is only one.
-        heading: by which the course is turned clockwise, deg.
+        heading: by which the course is rotated clockwise, deg.
         air: over the ground; None where the inputs are not valid.
         race_time: of the optimum in it, s; NaN where there is none.
         standard: that in still standard air, s; NaN likewise.
@@ -123,10 +138,18 @@ class Handicap:
 
 @dataclass(frozen=True)
 class FlightHandicap:
-    """A flight and the handicap of the air in which it was flown; `race_time` is without penalties, s."""
+    """A flight and the handicap of the air in which it was flown.
+
+    Attributes:
+        label: its name.
+        race_time: without penalties, s.
+        stage: the fidelity of the optima that the handicap is of.
+        handicap: of its course, aircraft and air.
+    """
 
     label: str
     race_time: float
+    stage: str
     handicap: Handicap
 
     @property
@@ -176,7 +199,7 @@ class HandicapResult:
         columns = (
             Column("aircraft" if several else "", key="aircraft"),
             Column("hour" if any(row.hour for row in self.handicaps) else "", key="hour"),
-            Column("turned" if any(row.heading for row in self.handicaps) else "", "deg", "g", key="heading_deg"),
+            Column("rotated" if any(row.heading for row in self.handicaps) else "", "deg", "g", key="heading_deg"),
             Column("air", key="air", wraps=True),
             *(Column(form=".6g", key=key) for key in ("wind_from_deg", "wind_kt")),
             Column("optimum", "s", ".3f", key="race_time_s"),
@@ -207,7 +230,7 @@ class HandicapResult:
         """Yield every aircraft's mean, least and largest handicap, by heading and by hour, where there are several of
         both."""
         if len({row.heading for row in self.handicaps}) > 1 and len({row.hour for row in self.handicaps}) > 1:
-            heading = Column("turned", "deg", "g", key="heading_deg")
+            heading = Column("rotated", "deg", "g", key="heading_deg")
             yield self._summary("which way the course should lie", heading, lambda row: row.heading)
             yield self._summary("which hour is best", Column("hour", key="hour"), lambda row: row.hour)
 
@@ -222,7 +245,7 @@ class HandicapResult:
         rows: list[tuple[str, str | float, float, float, float, float]] = []
         for (aircraft, value), seconds in groups.items():
             mean, least, most = sum(seconds) / len(seconds), min(seconds), max(seconds)
-            if math.isnan(mean):  # an optimum is missing, so the others are of other airs than their neighbours'
+            if math.isnan(mean):  # an optimum is missing, so this mean would be over other weather than the others
                 least = most = math.nan
             rows.append((aircraft, value, mean, least, most, most - least))
         notes: list[str] = []
@@ -235,21 +258,21 @@ class HandicapResult:
 
     def flight_table(self) -> Table:
         """Return the flights without their handicaps."""
+        other_stages = any(flight.stage != self.stage for flight in self.flights)
         columns = [Column("flight", key="flight"), Column("aircraft", key="aircraft")]
+        columns.append(Column("handicap by" if other_stages else "", key="stage"))
         columns += [Column("flown", "s", ".3f", key="flown_s"), *HANDICAP, Column("result", "s", ".3f", key="result_s")]
         rows: list[list[Cell | Value]] = []
         for flight in self.flights:
             row = flight.handicap
-            rows.append([flight.label, row.aircraft, flight.race_time, *_numbers(row), flight.result])
+            rows.append([flight.label, row.aircraft, flight.stage, flight.race_time, *_numbers(row), flight.result])
         return Table("flights", columns, rows, ["result: flown without the handicap; penalties are not in it"])
 
     def tables(self) -> Iterator[Table]:
         """Yield the tables that there is something in, as people read them."""
-        summaries, table = list(self.summaries()), self.table()
+        summaries = list(self.summaries())
         if not summaries:
-            left = len(table.rows) - ROWS_SHOWN
-            more = (f"{left} more; --output writes all",) if left > 0 else ()
-            yield replace(table, rows=table.rows[:ROWS_SHOWN], notes=(*table.notes, *more))
+            yield self.table().shortened()
         yield from summaries
         if self.flights:
             yield self.flight_table()
@@ -277,21 +300,104 @@ def _numbers(handicap: Handicap) -> tuple[float, float, float]:
 
 
 def place_of(handicap: Handicap) -> str:
-    """Return aircraft, hour and heading of a handicap in words."""
-    turned = f"turned by {handicap.heading:g} deg" if handicap.heading else ""
-    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, turned)))
+    """Return aircraft, hour and rotation of a handicap in words."""
+    rotated = f"rotated by {handicap.heading:g} deg" if handicap.heading else ""
+    return ", ".join(filter(None, (handicap.aircraft, handicap.hour, rotated)))
 
 
 def headings_of(text: str | None) -> list[float]:
     """Return the angles in degrees of a list and ranges, such as `0:360:15`.
 
     Raises:
-        UsageError: it is none.
+        UsageError: it is none, or an angle is beyond a full turn.
     """
+    expected = "expected degrees from -360 to 360, such as 0:360:15, or 0,30,60"
     try:
-        return [float(value) for value in sweep_of("heading_deg", (text or "0").split(",")).values]
+        angles = [float(value) for value in sweep_of("heading_deg", (text or "0").split(",")).values]
     except ValueError as error:
-        raise UsageError(f"--headings {text}: {error}; expected degrees such as 0:360:15, or 0,30,60") from error
+        raise UsageError(f"--headings {text}: {error}; {expected}") from error
+    for angle in angles:
+        if not -360.0 <= angle <= 360.0:
+            raise UsageError(f"--headings {text}: {angle:g} is out of range; {expected}")
+    return angles
+
+
+@dataclass(frozen=True)
+class OpenedFlight:
+    """A flight that is to be freed of its handicap.
+
+    Attributes:
+        label: its name.
+        race_time: without penalties, s.
+        run: of its course, aircraft and air.
+        plan: by which that run is solved first; None where it is.
+        stage: whose optima the handicap is of.
+    """
+
+    label: str
+    race_time: float
+    run: RunState
+    plan: ExecutionPlan | None
+    stage: Stage
+
+    @classmethod
+    def of(cls, text: str, stage: Stage | None) -> Self:
+        """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`.
+
+        Args:
+            text: its name.
+            stage: see `stage_of`.
+
+        Raises:
+            CheckpointError: the file cannot be read.
+            UsageError: the run has no such stage, or it is no optimum.
+        """
+        name = FlightName.of(text)
+        opened = open_file(name.path)
+        flight = source_of(opened, name.stage).flight()
+        if isinstance(opened, RunState):
+            return cls(flight.label, flight.race_time, opened, None, stage_of(opened, stage))
+        plan = plan_course(opened.inputs, stage)
+        return cls(flight.label, flight.race_time, plan.run, plan, plan.until)
+
+
+def stage_of(run: RunState, asked: Stage | None) -> Stage:
+    """Return the stage of a run whose optimum all others are solved from.
+
+    Args:
+        run: a finished one.
+        asked: which stage; None for the point mass, or the last one of a run that has none.
+
+    Raises:
+        UsageError: the run has no such stage, or it is no optimum.
+    """
+    if asked is None and run.results and DEFAULT_STAGE not in run:
+        asked = run.results[-1].stage
+        logger.warning("%s has no %s; the handicap is by %s", run.label, DEFAULT_STAGE.value, asked.value)
+    return optimum_of(run, asked or DEFAULT_STAGE).stage
+
+
+def plan_course(inputs: Inputs, stage: Stage | None) -> ExecutionPlan:
+    """Return the plan to solve a course up to a stage, by default the point mass.
+
+    A reserve is not searched for, which takes thousands of flights; margins that it has stay.
+    """
+    if inputs.reserve is not None:
+        inputs = Changes(overrides=["rules.reserve=null"]).inputs(new_run(inputs))
+    return plan_new_run(inputs, until=stage or DEFAULT_STAGE)
+
+
+def start_overrides(overrides: Sequence[str], hours: Sequence[Weather]) -> list[str]:
+    """Return the values with which courses and aircraft are solved first: in a calm where all hours have a wind.
+
+    So a profile may be told of winds of which the course has none.
+    """
+    return [*overrides, NO_WIND] if all(hour.wind is not None for hour in hours) else list(overrides)
+
+
+def name_of_aircraft(inputs: Inputs) -> str:
+    """Return the name of the file of an aircraft."""
+    return stem_of(Path(inputs.aircraft.path))
 
 
 @dataclass(frozen=True)
@@ -299,35 +405,33 @@ class HandicapSolver:
     """A solver of handicaps by warm sessions.
 
     Attributes:
-        stage: of all optima.
         overrides: values that are otherwise than in the runs.
         wind_error: of all winds.
         threads: that evaluate derivatives.
         tell: hears of every optimum, in words.
     """
 
-    stage: Stage
     overrides: Sequence[str]
     wind_error: WindError
     threads: int
     tell: Callable[[str], None]
 
     def execute(self, plan: ExecutionPlan, label: str) -> RunState:
-        """Return a run with all stages up to that of the optima."""
-        self.tell(f"{label}: solving {self.stage.value}")
+        """Return a run with all stages of a plan."""
+        self.tell(f"{label}: solving {plan.until.value}")
         run = plan.run
         for state in execute(plan, threads=self.threads, progress=Silent()):
             run = state
         return run
 
-    def solve(self, run: RunState, hours: Sequence[Weather], headings: Sequence[float]) -> list[Handicap]:
-        """Return the handicaps of a run, hour by hour, heading by heading.
+    def solve(self, run: RunState, stage: Stage, hours: Sequence[Weather], headings: Sequence[float]) -> list[Handicap]:
+        """Return the handicaps of a run by one of its stages, hour by hour, heading by heading.
 
         Every optimum is solved from that of the run, so that none depends on which others are asked for.
         """
-        aircraft, handicaps = name_of_aircraft(run), list[Handicap]()
-        course_air = Changes(overrides=self.overrides).inputs(run).race.air
-        with Session(run, self.stage, threads=self.threads) as session:
+        aircraft, handicaps = name_of_aircraft(run.inputs), list[Handicap]()
+        course_air = Changes(overrides=[*self.overrides, NO_WIND]).inputs(run).race.air  # its elevation, temperature
+        with Session(run, stage, threads=self.threads) as session:
             own = {} if self.overrides else {run.race.air: session.optimum}
             standard_texts = [*self.overrides, *STANDARD_AIR]
             standard_air = Changes(overrides=standard_texts).inputs(run).race.air
@@ -341,9 +445,9 @@ class HandicapSolver:
                 try:
                     ground_air = Changes(overrides=texts).inputs(run).race.air
                     row = replace(row, air=ground_air)
-                    air, turned_texts = _turned(ground_air, heading)
+                    air, rotated_texts = _rotated(ground_air, heading)
                     if air not in optima:
-                        optima[air] = self._optimum(session, [*texts, *turned_texts], standard)
+                        optima[air] = self._optimum(session, [*texts, *rotated_texts], standard)
                 except InputError as error:
                     handicaps.append(replace(row, message=error.findings[0].message))
                     continue
@@ -368,31 +472,21 @@ class HandicapSolver:
             optimum = session.solve(texts, start=standard)
         return optimum
 
-    def solve_flight(self, text: str) -> FlightHandicap:
-        """Return a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, with the handicap of the air that it flew in."""
-        name = FlightName.of(text)
-        run_or_log = open_file(name.path)
-        flight = source_of(run_or_log, name.stage).flight()
-        run = run_or_log
-        if not isinstance(run, RunState):
-            run = self.execute(plan_new_run(run.inputs, until=self.stage), text)
-        (handicap,) = replace(self, overrides=()).solve(run, [Weather()], [0.0])
-        return FlightHandicap(flight.label, flight.race_time, handicap)
+    def solve_flight(self, flight: OpenedFlight) -> FlightHandicap:
+        """Return a flight with the handicap of the air that it flew in."""
+        run = flight.run if flight.plan is None else self.execute(flight.plan, flight.label)
+        (handicap,) = replace(self, overrides=()).solve(run, flight.stage, [Weather()], [0.0])
+        return FlightHandicap(flight.label, flight.race_time, flight.stage.value, handicap)
 
 
-def name_of_aircraft(run: RunState) -> str:
-    """Return the name of the file of a run's aircraft."""
-    return stem_of(Path(run.inputs.aircraft.path))
+def _rotated(air: Air, heading: float) -> tuple[Air, list[str]]:
+    """Return the air over a course that is rotated clockwise, as the course sees it, and what sets it.
 
-
-def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
-    """Return the air over a course that is turned clockwise, as the course sees it, and what sets it.
-
-    A course that is turned with all that stands around it flies as one that lies still in a wind turned the other way.
+    A course that is rotated with all that stands around it flies as before in a wind rotated the other way.
     """
     wind = air.wind
     if wind is None or wind.speed == 0.0:
-        return replace(air, wind=None), [f"{WIND}=null"]
+        return replace(air, wind=None), [NO_WIND]
     if not heading:
         return air, []
     origin = (math.degrees(wind.origin) - heading) % 360.0
@@ -400,31 +494,40 @@ def _turned(air: Air, heading: float) -> tuple[Air, list[str]]:
 
 
 def find_handicaps(
-    run: RunState,
+    source: RunState | ExecutionPlan,
     aircraft: Sequence[str | Path],
     hours: Sequence[Weather],
     headings: Sequence[float],
     flights: Sequence[str],
+    stage: Stage | None,
     solver: HandicapSolver,
 ) -> HandicapResult:
-    """Return the handicaps of a course; see `airrace.handicap`.
+    """Return the handicaps of a course; see `airrace.handicap`. All files are read before anything is solved.
 
     Args:
-        run: whose optimum all others are solved from.
+        source: a run, whose optimum all others are solved from, or the plan of one that is solved first.
         aircraft: other aircraft, each of which is flown from that optimum first.
         hours, headings: all of whose combinations are flown.
         flights: by name.
+        stage: see `stage_of`.
         solver: of the handicaps.
     """
-    runs = {name_of_aircraft(run): run}
-    for other in aircraft:
-        plan = plan_changed_run(run, Changes(aircraft=other, overrides=solver.overrides), until=solver.stage)
-        name = name_of_aircraft(plan.run)
-        if name in runs:
-            raise UsageError(f"two aircraft have one name, {name}; leave one out, or rename its file")
-        runs[name] = solver.execute(plan, name)
+    run = source if isinstance(source, RunState) else source.run
+    last = stage_of(run, stage) if isinstance(source, RunState) else source.until
+    start = start_overrides(solver.overrides, hours)
+    ensure_of_one_stage(run, Changes(overrides=start).inputs(run))
+    changes = [Changes(aircraft=other, overrides=start) for other in aircraft]
+    names = [name_of_aircraft(inputs) for inputs in (run.inputs, *(change.inputs(run) for change in changes))]
+    ((name, number),) = Counter(names).most_common(1)
+    if number > 1:
+        raise UsageError(f"two aircraft have one name, {name}; leave one out, or rename its file")
+    opened = [OpenedFlight.of(text, stage) for text in flights]
+    if isinstance(source, ExecutionPlan):
+        run = solver.execute(source, run.label)
+    plans = [plan_changed_run(run, change, until=last) for change in changes]
+    runs = [run, *(solver.execute(plan, name) for plan, name in zip(plans, names[1:], strict=True))]
     handicaps: list[Handicap] = []
-    for run_of_aircraft in runs.values():
-        handicaps += solver.solve(run_of_aircraft, hours, headings)
-    flown = tuple(map(solver.solve_flight, flights))
-    return HandicapResult(run.race.course.name, solver.stage.value, tuple(handicaps), flown)
+    for run_of_aircraft in runs:
+        handicaps += solver.solve(run_of_aircraft, last, hours, headings)
+    flown = tuple(map(solver.solve_flight, opened))
+    return HandicapResult(run.race.course.name, last.value, tuple(handicaps), flown)

@@ -80,6 +80,12 @@ def test_hours_take_what_is_not_in_the_file_from_the_options(tmp_path: Path) -> 
     ]
 
 
+def test_rows_and_columns_that_a_spreadsheet_leaves_empty_are_skipped(tmp_path: Path) -> None:
+    file = tmp_path / "hours.csv"
+    file.write_text("hour,from_deg,speed_kt,,\n09:00,240,4,,\n,,,,\n12:00,250,10\n, ,\n,,,,\n")
+    assert read_hours(file, Weather()) == [Weather("09:00", Wind(4.0, 240.0)), Weather("12:00", Wind(10.0, 250.0))]
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -89,10 +95,16 @@ def test_hours_take_what_is_not_in_the_file_from_the_options(tmp_path: Path) -> 
         ("hour,qnh_hPa\na,1013\nb,x\n", "3:1: qnh_hPa: `x` is no number"),
         ("hour,qnh_hPa\na,29.92\n", "2:1: qnh_hPa: must lie between 914 and 1113, not 29.92"),
         ("hour,temperature_C\na,nan\n", "2:1: temperature_C: must lie between -45 and 60, not nan"),
-        ("hour,from_deg,speed_kt\na,240,\n", "2:1: from_deg: a wind has both `from_deg` and `speed_kt`"),
+        (
+            "hour,from_deg,speed_kt\na,240,\n",
+            "2:1: from_deg: a wind needs both its direction, `from_deg`, and",
+        ),
         ("hour,qnh_hPa\na,1013,5\n", "2:1: more cells than columns"),
         ("hour,qnh_hPa\n,1013\n", "2:1: the hour has no name"),
         ("hour\na\na\n", "3:1: hour: a stands there twice"),
+        ("hour,qnh_hPa\n,,\n", "1:1: there is no hour in it"),
+        ("hour\na\n" + 140_000 * "x" + "\n", "3:1: is no line of a CSV file: field larger than field limit"),
+        (140_000 * "x" + "\n", "1:1: is no line of a CSV file: field larger than field limit"),
     ],
 )
 def test_a_fault_of_a_file_of_hours_is_told_with_its_line(tmp_path: Path, text: str, said: str) -> None:

@@ -1,9 +1,10 @@
-"""Handicaps: laws of turned, mirrored and still air, their intervals, other aircraft, flights, and the command."""
+"""Handicaps: laws of rotated, mirrored and still air, their intervals, other aircraft, flights, and the command."""
 
 import csv
 import json
 import math
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,9 +13,11 @@ from command import run as run_command
 
 import airrace
 from airrace.api.run import Run
-from airrace.errors import UsageError
+from airrace.errors import AirraceError, UsageError
 from airrace.files.inputs import load_inputs
+from airrace.files.inputs.weather import weather_named
 from airrace.model.environment import Air
+from airrace.procedure.stage import Stage
 from airrace.runs.batch.handicap import (
     STANDARD_AIR,
     FlightHandicap,
@@ -22,6 +25,8 @@ from airrace.runs.batch.handicap import (
     HandicapResult,
     WindError,
     headings_of,
+    plan_course,
+    start_overrides,
 )
 
 COURSE = "half_cuban_eight"
@@ -44,13 +49,13 @@ def windy() -> Run:
 
 @cache
 def headed(heading: int) -> Run:
-    """The course turned clockwise; as it is symmetric, the other way is its mirror image."""
+    """The course rotated clockwise; as it is symmetric, the other way is its mirror image."""
     text = load_inputs(COURSE).track.text
     lines = {f"heading_deg: {angle}\n": f"heading_deg: {(angle + heading) % 360}\n" for angle in (0, 180)}
-    for line, turned_line in lines.items():
-        text = text.replace(line, turned_line)
+    for line, rotated_line in lines.items():
+        text = text.replace(line, rotated_line)
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "turned.yaml")
+        file = Path(folder, "rotated.yaml")
         file.write_text(text, encoding="utf-8")
         return airrace.optimize(file, until="point-mass", search="off")
 
@@ -88,13 +93,13 @@ def test_winds_from_either_side_of_a_symmetric_course_cost_the_same() -> None:
     assert left.error == pytest.approx(right.error, rel=0.05)
 
 
-def test_a_course_that_is_turned_in_a_wind_that_is_turned_has_the_same_handicap() -> None:
+def test_a_course_that_is_rotated_in_a_wind_that_is_rotated_has_the_same_handicap() -> None:
     straight, both = of(course(), "60/10"), of(headed(40), "100/10")
     assert both.seconds == pytest.approx(straight.seconds, abs=SOLVED_AGAIN)
     assert both.error == pytest.approx(straight.error, rel=0.05)
 
 
-def test_headings_turn_the_course() -> None:
+def test_headings_rotate_the_course() -> None:
     by_heading = of(course(), "100/10", headings="40")
     assert by_heading.seconds == pytest.approx(of(headed(40), "100/10").seconds, abs=SOLVED_AGAIN)
     assert by_heading.seconds != pytest.approx(of(course(), "100/10").seconds, abs=20 * SOLVED_AGAIN)
@@ -140,6 +145,19 @@ def test_a_calm_may_be_a_wind_from_anywhere() -> None:
         WindError(-1.0)
 
 
+def test_an_interval_does_not_jump_where_the_wind_is_as_fast_as_the_error_of_its_speed() -> None:
+    below, above = of(course(), "90/2.99"), of(course(), "90/3.01")
+    assert below.error == pytest.approx(above.error, rel=0.03)
+
+
+@pytest.mark.parametrize("error", [WindError(), WindError(3.0, 0.0), WindError(3.0, 90.0), WindError(0.0, 15.0)])
+def test_the_error_across_a_wind_leads_from_that_of_the_speed_to_that_of_the_direction(error: WindError) -> None:
+    assert error.across(0.0) == error.speed
+    assert error.across(20.0) == pytest.approx(20.0 * math.radians(error.direction))
+    steps = [abs(error.across(0.001 * (knots + 1)) - error.across(0.001 * knots)) for knots in range(6000)]
+    assert max(steps) < 0.1
+
+
 def test_hours_and_headings_tell_the_best_of_both(tmp_path: Path) -> None:
     file, table = tmp_path / "hours.csv", tmp_path / "handicaps.csv"
     file.write_text("hour,from_deg,speed_kt,temperature_C\nmorning,0,2,10\nnoon,0,15,30\n")
@@ -159,6 +177,59 @@ def test_hours_and_headings_tell_the_best_of_both(tmp_path: Path) -> None:
     assert [float(row["handicap_s"]) for row in rows] == pytest.approx([row.seconds for row in result.handicaps])
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"flights": ["none.h5"]},
+        {"aircraft": ["pc9", "pc9"]},
+        {"aircraft": ["none.yaml"]},
+    ],
+)
+def test_nothing_is_solved_before_all_that_is_named_is_found_to_be_there(options: dict[str, list[str]]) -> None:
+    told: list[str] = []
+    with pytest.raises(AirraceError):
+        airrace.handicap(course(), headings="0,90", tell=told.append, **options)  # type: ignore[arg-type]
+    with pytest.raises(AirraceError):  # a course that is still to be solved
+        airrace.handicap(COURSE, headings="0,90", tell=told.append, **options)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="settings"):
+        airrace.handicap(course(), aircraft=["pc9"], set=["settings.search=thorough"], tell=told.append)
+    assert told == []
+
+
+def test_a_run_without_a_point_mass_has_the_handicap_of_its_last_stage(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = airrace.optimize(COURSE, search="off")
+    bare = replace(run, checkpoint=replace(run.checkpoint, stages=())).with_stage(run.results[-1])
+    bare.save(tmp_path / "bare.h5")
+    result = airrace.handicap(bare, wind="0/10")
+    assert result.stage == "six-dof"
+    assert "has no point-mass; the handicap is by six-dof" in caplog.text
+    whole = airrace.handicap(run, wind="0/10", stage="six-dof")
+    assert result.handicaps[0].seconds == whole.handicaps[0].seconds
+    beside = airrace.handicap(course(), flights=[str(tmp_path / "bare.h5")])
+    assert (beside.stage, beside.flights[0].handicap.seconds) == ("point-mass", 0.0)
+    heads, cells = beside.flight_table().texts()
+    assert cells[heads.index("handicap by")] == "six-dof"
+    with pytest.raises(UsageError, match="no stage 'point-mass'"):
+        airrace.handicap(bare, stage="point-mass")
+
+
+def test_a_course_with_a_reserve_is_solved_without_a_search_for_it() -> None:
+    plan = plan_course(load_inputs(COURSE, overrides=["rules.reserve.probability=0.9"]), None)
+    assert (plan.until, plan.reserve, plan.run.inputs.reserve) == (Stage.POINT_MASS, None, None)
+
+
+def test_a_profile_is_that_of_winds_of_which_the_course_has_none() -> None:
+    profile = ["environment.wind.profile=power", "environment.wind.exponent=0.3"]
+    whole = ["environment.wind.from_deg=240", "environment.wind.speed_kt=10", *profile]
+    assert of(course(), "240/10", set=profile).seconds == of(course(), set=whole).seconds
+    assert of(course(), "240/10", set=profile).seconds != of(course(), "240/10").seconds
+    assert of(course(), "0/0", set=profile).seconds == 0.0
+    plan = start_overrides(profile, [weather_named("240/10", None, None)])
+    assert load_inputs(COURSE, overrides=plan).race.air.wind is None  # a course that is solved first
+
+
 def row(aircraft: str, seconds: float, hour: str = "", heading: float = 0.0, message: str = "") -> Handicap:
     return Handicap(aircraft, hour, heading, Air(), 50.0 + seconds, 50.0, 0.1, message)
 
@@ -173,9 +244,9 @@ def test_aircraft_are_behind_the_fastest_in_the_same_air() -> None:
 def test_a_missing_optimum_is_reported_and_left_out() -> None:
     rows = (row("a", math.nan, "x", 30.0, "no flight was found"), row("a", -1.0, "y", 30.0), row("a", 0.0, "z"))
     result = HandicapResult("course", "point-mass", rows)
-    assert result.messages == ("a, x, turned by 30 deg: no flight was found",)
+    assert result.messages == ("a, x, rotated by 30 deg: no flight was found",)
     assert result.as_object()["handicaps"][0]["handicap_s"] is None  # type: ignore[index]
-    assert "fastest: a, y, turned by 30 deg, -1.000 s" in result.table().notes
+    assert "fastest: a, y, rotated by 30 deg, -1.000 s" in result.table().notes
 
 
 def test_headings_that_lack_an_optimum_are_not_compared() -> None:
@@ -188,7 +259,7 @@ def test_headings_that_lack_an_optimum_are_not_compared() -> None:
 
 
 def test_a_flight_without_its_handicap_keeps_the_pilot_s_own_gap() -> None:
-    assert FlightHandicap("a", 57.3, row("a", 1.0)).result == pytest.approx(56.3)
+    assert FlightHandicap("a", 57.3, "point-mass", row("a", 1.0)).result == pytest.approx(56.3)
 
 
 def test_an_air_that_cannot_be_flown_is_a_row_and_the_others_are_solved(tmp_path: Path) -> None:
@@ -200,7 +271,7 @@ def test_an_air_that_cannot_be_flown_is_a_row_and_the_others_are_solved(tmp_path
     assert mild.seconds < 0.0  # the air is denser below the level of the sea
 
 
-@pytest.mark.parametrize("text", ["0:x", "0:360:-10", "x", "10,10"])
+@pytest.mark.parametrize("text", ["0:x", "0:360:-10", "x", "10,10", "1e400", "nan", "-inf", "361", "0:720:90"])
 def test_headings_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--headings"):
         headings_of(text)
