@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.logs.recording import count_of, refuse, resolution
+from airrace.model.environment import g0
 from airrace.optimal_control.quantities import plain_number
 from airrace.optimal_control.trajectory import Array
 
@@ -59,8 +60,12 @@ UNEVEN_SHARE = 0.2
 CUT_SCATTER = 0.1
 """The relative change of speed from sample to sample from which on times are cut off: 1 g along the path changes 90 m/s
 by 11 % within a second."""
-SPEED_CHANGE = 0.1
-"""The standard deviation of the relative change of speed within a second, 1/s, likewise."""
+PULL = 9.0
+"""The standard deviation of the acceleration along the path, by thrust and drag, m/s^2."""
+ENERGY_TIME = 3.0
+"""The time over which the energy of the aircraft is averaged, s."""
+REPAIRS = 3
+"""The number of times that the energy follows from repaired times, and these from it."""
 CUT_ROUNDING = 1e-6
 """The share of a step by which a time may lie before it."""
 WAY_MIN = 1.0
@@ -348,10 +353,10 @@ def cut_step(time: Array, places: Array) -> float:
 
     Args:
         time: s, not falling, shape (n,).
-        places: north and east, m, shape (2, n); NaN where they are not known.
+        places: north and east, m, shape (2, n), heights behind them do not count; NaN where they are not known.
     """
-    placed = np.isfinite(places).all(axis=0)
-    time, places = time[placed], places[:, placed]
+    placed = np.isfinite(places[:2]).all(axis=0)
+    time, places = time[placed], places[:2, placed]
     step = resolution(time)
     if step < CUT_MIN:
         return 0.0
@@ -365,45 +370,89 @@ def cut_step(time: Array, places: Array) -> float:
     return step if uneven > UNEVEN_SHARE and scatter > CUT_SCATTER else 0.0
 
 
-def repair_cut(time: Array, places: Array, step: float) -> tuple[Array, Array]:
-    """Return times that were cut off as the way tells them, and their standard deviations, s, each of shape (n,).
+def repair_cut(time: Array, places: Array, step: float) -> tuple[Array, Array, Array]:
+    """Return times that were cut off as the way tells them, their standard deviations, s, and those of the relative
+    rate of this clock, each of shape (n,).
 
     The first sample with each time was taken within the step, or within the usual time between two samples, behind it.
-    From one such sample to the next, the time that a metre takes changes little. With `t_i` for their true times, `z_i`
-    and `s_i` for the middles and the deviations of these intervals, `d_i` for the way to the next one and `w_i` for
-    `(t_(i+1) - t_i) / d_i`,
+    From one such sample to the next thrust and drag change the speed little, and height changes it as the energy tells.
+    With `t_i` for their true times, `z_i` and `s_i` for the middles and the deviations of these intervals, `d_i` for
+    the way in space to the next one, `v_i` for the speed that the energy, averaged over some seconds, gives at the
+    height there, and `u_i` for `v_i (t_(i+1) - t_i) / d_i`,
 
-        sum_i (t_i - z_i)^2 / s_i^2 + sum_i (w_i - w_(i-1))^2 / q_i^2  ->  min
+        sum_i (t_i - z_i)^2 / s_i^2 + sum_i (u_i - u_(i-1))^2 / q_i^2  ->  min
 
-    where `q_i` is `SPEED_CHANGE` times the usual `w` and the time between the middles of both ways. What is between
-    these samples follows from its share of the way.
+    where `q_i` is `PULL` over `v_i` times the time between the middles of both ways. What is between these samples
+    follows from its share of the way. Where a time comes to lie far outside its interval, the way does not tell the
+    times: they are returned as they came, with the deviation of a time anywhere within a step.
 
     Args:
         time: s, rising, shape (n,), with the whole step before each.
-        places: north and east, m, shape (2, n), all finite.
+        places: north, east and up, m, shape (3, n), or (2, n) without heights; only heights may be NaN.
         step: s.
     """
+    usual = (time[-1] - time[0]) / (len(time) - 1)
+    unknown = np.full(len(time), step / math.sqrt(12.0))
+    unrepaired = time, unknown, math.sqrt(2.0) * unknown / max(step, usual)
     stamps = np.floor(time / step + CUT_ROUNDING) * step
-    ways = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places)))])
+    space = _in_space(places)
+    ways = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(space), axis=0))])
     first = np.flatnonzero(np.diff(stamps, prepend=-np.inf) > 0.0)
-    first = first[np.diff(ways[first], prepend=-np.inf) > WAY_MIN]
+    counts = np.diff(first, append=len(time))
+    apart = np.diff(ways[first], prepend=-np.inf) > WAY_MIN
+    first, counts = first[apart], counts[apart]
     if len(first) < 3:
-        return time, np.full(len(time), step / math.sqrt(12.0))
-    within = np.full(len(first), min(step, (time[-1] - time[0]) / (len(time) - 1)))
+        return unrepaired
+    within = np.minimum(np.maximum(step / counts, usual), step)  # where samples are missing the first one may be late
     within[0] = step  # the log may begin anywhere
+    middle, certainty = stamps[first] + 0.5 * within, 12.0 / within**2
     way, took = np.diff(ways[first]), np.diff(stamps[first])
-    change = SPEED_CHANGE * float(np.median(took / way)) * 0.5 * (took[1:] + took[:-1])
-    rows, slower = np.arange(len(first) - 2), np.zeros((len(first) - 2, len(first)))
-    slower[rows, rows] = 1.0 / way[:-1]
-    slower[rows, rows + 1] = -1.0 / way[:-1] - 1.0 / way[1:]
-    slower[rows, rows + 2] = 1.0 / way[1:]
-    certainty = 12.0 / within**2
-    covariance = np.linalg.inv(np.diag(certainty) + slower.T @ (slower / change[:, None] ** 2))
-    true = covariance @ (certainty * (stamps[first] + 0.5 * within))
-    deviation = np.sqrt(np.diag(covariance))
-    if not (np.diff(true) > 0.0).all():
-        return time, np.full(len(time), step / math.sqrt(12.0))
-    return _along(ways, ways[first], true), np.interp(ways, ways[first], deviation)
+    between = 0.5 * (took[1:] + took[:-1])
+    height = 0.5 * (space[2, first[1:]] + space[2, first[:-1]])
+    true, rows = middle, np.arange(len(first) - 2)
+    covariance = np.diag(1.0 / certainty)
+    for _ in range(REPAIRS):
+        speed = _speed_by_energy(true, way, height)
+        change = PULL * between / (0.5 * (speed[1:] + speed[:-1]))
+        slowness, slower = speed / way, np.zeros((len(rows), len(first)))
+        slower[rows, rows] = slowness[:-1]
+        slower[rows, rows + 1] = -slowness[:-1] - slowness[1:]
+        slower[rows, rows + 2] = slowness[1:]
+        covariance = np.linalg.inv(np.diag(certainty) + slower.T @ (slower / change[:, None] ** 2))
+        true = covariance @ (certainty * middle)
+        if (np.diff(true) <= 0.0).any() or (np.abs(true - middle) > within).any():
+            return unrepaired
+    variance = np.diag(covariance)
+    steps = np.sqrt(variance[1:] + variance[:-1] - 2.0 * np.diag(covariance, 1))
+    centres = 0.5 * (ways[first[1:]] + ways[first[:-1]])
+    return (
+        _along(ways, ways[first], true),
+        np.interp(ways, ways[first], np.sqrt(variance)),
+        np.interp(ways, centres, steps / np.diff(true)),
+    )
+
+
+def _in_space(places: Array) -> Array:
+    """Return places with heights everywhere, m, shape (3, n): between those that are known, and 0 where none is."""
+    heights = places[2] if len(places) > 2 else np.full(places.shape[1], np.nan)
+    known = np.flatnonzero(np.isfinite(heights))
+    filled = np.interp(np.arange(len(heights)), known, heights[known]) if len(known) else np.zeros(len(heights))
+    return np.stack([places[0], places[1], filled])
+
+
+def _speed_by_energy(time: Array, way: Array, height: Array) -> Array:
+    """Return the speeds on the ways between some times by the energy around them, m/s.
+
+    Args:
+        time: s, shape (n,).
+        way: between them, m, shape (n - 1,).
+        height: on these ways, m, likewise.
+    """
+    energy = 0.5 * (way / np.diff(time)) ** 2 + g0 * height
+    centres = 0.5 * (time[1:] + time[:-1])
+    weights = np.exp(-0.5 * ((centres[:, None] - centres) / ENERGY_TIME) ** 2) * way
+    kinetic = weights @ energy / weights.sum(axis=1) - g0 * height
+    return np.sqrt(2.0 * np.maximum(kinetic, 0.5 * RACE_SPEEDS[0] ** 2))
 
 
 def _along(ways: Array, known: Array, times: Array) -> Array:

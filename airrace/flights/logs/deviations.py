@@ -113,6 +113,7 @@ def deviations_of(
     residuals[:, path.outliers] = np.nan
     usual = float(np.median(np.diff(places)))
     clocks = placed.columns.get("clock_deviation", np.zeros(len(places)))
+    rates = placed.columns.get("clock_rate_deviation", np.zeros(len(places)))  # relative
 
     def bias(time: float) -> tuple[float, float]:
         """Return the mean distance of the positions around a time from the path, over ground and of heights, m."""
@@ -147,13 +148,17 @@ def deviations_of(
         across, along = (deviation / straight.get(time, 1.0) for deviation in (across, along))
         bend = 0.5 * abs(n_z) * g0 * (along / max(V_K * math.cos(gamma), 1.0)) ** 2  # of the path within that time
         across = math.hypot(across, bend)
-        speed = math.hypot(
+        rate = float(np.interp(offset + time, places, rates))  # a clock that is fast makes all speeds too low
+        across_speed = math.hypot(
             VELOCITY_FACTOR * float(raw[1].max()),
             DRIFT_RATE * drift[1],
             max(lost_speed, lost_climb),
         )
-        pull = math.hypot(ACCELERATION_FACTOR * float(raw[2].max()), DRIFT_RATE_2 * drift[1])
-        direction = math.atan2(speed, max(V_K, 1.0))
+        speed = math.hypot(across_speed, V_K * rate)
+        pull = math.hypot(
+            ACCELERATION_FACTOR * float(raw[2].max()), DRIFT_RATE_2 * drift[1], 2.0 * rate * (abs(n_z) + 1.0) * g0
+        )
+        direction = math.atan2(across_speed, max(V_K, 1.0))
         when = math.hypot(along / max(V_K * math.cos(gamma), 1.0), float(np.interp(offset + time, places, clocks)))
         turned = math.hypot(direction, when * abs(n_z) * g0 / max(V_K, 1.0))
         climbing = when * V_K * math.sin(gamma)

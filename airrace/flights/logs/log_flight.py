@@ -126,9 +126,8 @@ def _with_repaired_clock(part: Recording) -> Recording:
     if not part.cut:
         return part
     placed = np.flatnonzero(np.isfinite(part.columns["x"]) & np.isfinite(part.columns["y"]))
-    time, deviation = repair_cut(
-        part.time[placed], np.stack([part.columns[name][placed] for name in ("x", "y")]), part.cut
-    )
+    places = np.stack([part.columns[name][placed] for name in ("x", "y", "height")])
+    time, deviation, rate = repair_cut(part.time[placed], places, part.cut)
     cut = "whole seconds" if part.cut == 1.0 else f"steps of {plain_number(part.cut, 3)} s"
     remark = f"times are cut to {cut} at an uneven rate"
     usual = plain_number(float(np.median(deviation)), 2)
@@ -137,7 +136,11 @@ def _with_repaired_clock(part: Recording) -> Recording:
     else:
         remark += f": the way between them tells them to {usual} s"
     all_time = np.interp(part.time, part.time[placed], time)
-    columns = {**part.columns, "clock_deviation": np.interp(part.time, part.time[placed], deviation)}
+    columns = {
+        **part.columns,
+        "clock_deviation": np.interp(part.time, part.time[placed], deviation),
+        "clock_rate_deviation": np.interp(part.time, part.time[placed], rate),
+    }
     return replace(part, time=all_time, columns=columns).select(np.ones(len(all_time), bool), remark)
 
 

@@ -10,6 +10,7 @@ from synthetic import Fixes, csv_text, fixes, imported, known
 
 from airrace.files.inputs import load_inputs
 from airrace.flights.logs.clocks import cut_step, repair_cut, repair_jumps, spread_repeated
+from airrace.flights.logs.log_flight import flight_of_part
 from airrace.flights.logs.violations import Violation
 from airrace.pages.views.log_tables import penalties_text
 from airrace.runs.log_view import fly_log_through
@@ -73,7 +74,7 @@ def test_times_that_are_cut_to_whole_seconds_at_an_uneven_rate_follow_from_the_w
         places, cut = np.stack([seen.north, seen.east]), np.floor(seen.time + 40.0)
         assert cut_step(cut, places) == pytest.approx(1.0, abs=1e-6)
         spread = spread_repeated(cut, 1.0)[0]
-        time, deviation = repair_cut(spread, places, 1.0)
+        time, deviation, _ = repair_cut(spread, places, 1.0)
         off.append(time - seen.time - 40.0)
         written.append(spread - seen.time - 40.0)
         told.append(deviation)
@@ -96,7 +97,7 @@ def test_times_of_an_even_clock_are_not_cut() -> None:
 def test_an_aircraft_that_stands_tells_no_times() -> None:
     time = np.repeat(np.arange(40.0), np.random.default_rng(1).integers(4, 7, 40))
     time, _ = spread_repeated(time, 1.0)
-    repaired, deviation = repair_cut(time, np.zeros((2, len(time))), 1.0)
+    repaired, deviation, _ = repair_cut(time, np.zeros((2, len(time))), 1.0)
     assert np.array_equal(repaired, time)
     assert deviation == pytest.approx(1.0 / math.sqrt(12.0))
 
@@ -131,3 +132,81 @@ def test_a_penalty_that_no_rule_states_is_not_zero() -> None:
     assert penalties_text([missed, near]) == "not known for missed"
     assert penalties_text([missed, high]) == "2 s, not known for missed"
     assert penalties_text([missed, over]) == "ends the race"
+
+
+LOOPED = """
+schema: airrace/track/1
+name: Looped
+aircraft: edge540
+rules: rbar-2016
+gates:
+  a: {type: level, north_m: 0, east_m: 0, heading_deg: 0}
+  b: {type: level, north_m: 900, east_m: 0, heading_deg: 0}
+  c: {type: level, north_m: 1800, east_m: 0, heading_deg: 0}
+course: {start: a, lap: [b], finish: c}
+"""
+LOOP_RADIUS = 90.0
+"""m; flown with 95 m/s at its foot, it takes 11.2 g there."""
+
+
+def looped(times: np.ndarray, noise: float, seed: int) -> np.ndarray:
+    """North, east and up, m, shape (3, n), of straight flight to the north with two loops, at a constant energy."""
+    way = np.arange(-1000.0, 5000.0, 0.5)
+    once = 2.0 * math.pi * LOOP_RADIUS
+    angle = (np.clip(way - 400.0, 0.0, once) + np.clip(way - 1300.0 - once, 0.0, once)) / LOOP_RADIUS
+    north, up = np.cumsum(np.cos(angle)) * 0.5 - 1000.0, 20.0 + LOOP_RADIUS * (1.0 - np.cos(angle))
+    speed = np.sqrt(95.0**2 - 2.0 * 9.81 * (up - 20.0))
+    clock = np.concatenate([[0.0], np.cumsum(0.5 / speed[:-1])])
+    clock -= np.interp(0.0, way, clock)
+    places = np.stack([np.interp(times, clock, north), np.zeros(len(times)), np.interp(times, clock, up)])
+    return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
+
+
+@pytest.mark.parametrize("step", STEPS.values(), ids=STEPS)
+def test_cut_times_are_as_true_in_a_loop_as_they_are_told_to_be(step: tuple[float, float]) -> None:
+    """Over ground the aircraft stands twice in every loop; the way in space and the energy tell the times."""
+    for seed in range(8):
+        times = -5.0 + np.cumsum(np.random.default_rng(seed).uniform(*step, 300))
+        times = times[times < 40.0]
+        cut, places = np.floor(times + 40.3), looped(times, 0.3, 1)
+        assert cut_step(cut, places) == pytest.approx(1.0, abs=1e-6)
+        time, deviation, _ = repair_cut(spread_repeated(cut, 1.0)[0], places, 1.0)
+        assert np.max(np.abs(time - times - 40.3) / deviation) < 4.0
+        assert np.median(deviation) < 0.25
+
+
+def test_times_that_the_way_does_not_tell_stay_as_they_are() -> None:
+    """Without its heights a loop looks like an aircraft that stops and turns back."""
+    times = np.arange(-5.0, 40.0, 1.0 / 5.5)
+    spread = spread_repeated(np.floor(times + 40.3), 1.0)[0]
+    time, deviation, rate = repair_cut(spread, looped(times, 0.3, 1)[:2], 1.0)
+    assert np.array_equal(time, spread)
+    assert deviation == pytest.approx(1.0 / math.sqrt(12.0))
+    assert (rate > 0.3).all()
+
+
+def test_a_legal_loop_breaks_no_limit_for_a_clock_that_is_cut(tmp_path: Path) -> None:
+    """Nor is its load factor off by more than three of the standard deviations that are told."""
+    (tmp_path / "looped.yaml").write_text(LOOPED)
+    inputs = load_inputs(str(tmp_path / "looped.yaml"))
+    for seed in range(3):
+        times = -5.0 + np.random.default_rng(seed).uniform() + np.arange(0.0, 50.0, 1.0 / 5.5)
+        north, east, up = looped(times, 0.3, seed)
+        log = tmp_path / "log.csv"
+        log.write_text(csv_text(Fixes(np.floor(times + 40.0), north, east, up)))
+        view = fly_log_through(log, inputs)
+        assert not [breach for breach in view.violations if breach.certain], seed
+        assert view.flight()["n_z"].max() == pytest.approx(1.0 + 95.0**2 / (9.81 * LOOP_RADIUS), abs=1.0)
+
+
+def test_the_error_of_a_clock_is_in_speeds_and_load_factors() -> None:
+    flown = imported(csv_text(EXACT))
+    off = np.full(len(flown.recording.time), 0.05)
+    part = replace(flown.recording, columns={**flown.recording.columns, "clock_rate_deviation": off})
+    again = flight_of_part(part, flown.flight.race, label="log")
+    for crossing in again.flight.crossings:
+        before, behind = flown.errors.at(crossing.time), again.errors.at(crossing.time)
+        added = math.sqrt(behind.speed**2 - before.speed**2)
+        assert added == pytest.approx(0.05 * crossing.value("V_K"), rel=0.02)
+        assert behind.load > 0.1 * crossing.value("n_z")
+        assert behind.path == pytest.approx(before.path, rel=0.02)
