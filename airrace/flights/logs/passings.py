@@ -73,7 +73,7 @@ def in_order(recording: Recording) -> Recording:
     recording = recording.select(forwards, *remarks)
     time, remarks = repair_jumps(recording.time, ground(recording.columns), recording.lines)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
-    cut = cut_step(recording.time, ground(recording.columns))
+    cut = cut_step(recording.time, _space(recording))
     time, remarks = spread_repeated(recording.time, cut)
     recording = replace(recording, time=time, cut=cut).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
@@ -148,6 +148,14 @@ def _missing_heights(values: Array) -> NDArray[np.bool_]:
     if not zero.any() or recorded.sum() < 2:
         return np.zeros(len(values), bool)
     return zero & (np.abs(np.interp(place, place[recorded], values[recorded])) > NO_HEIGHT)
+
+
+def _space(recording: Recording) -> Array:
+    """Return north, east and up, m, near enough for a speed, shape (3, n); heights are NaN where they are not known."""
+    columns = recording.columns
+    heights = [columns[name] for name in HEIGHTS if name in columns]
+    unknown = np.full(len(recording.time), np.nan)
+    return np.stack([*ground(columns), heights[0] if heights else unknown])
 
 
 def in_frame(recording: Recording, race: Race) -> Recording:

@@ -185,6 +185,17 @@ def test_times_that_the_way_does_not_tell_stay_as_they_are() -> None:
     assert (rate > 0.3).all()
 
 
+def test_whole_seconds_of_a_recorder_that_skips_are_not_cut_where_the_aircraft_climbs() -> None:
+    """They are exact; the speed changes by the height, as the energy tells. Some heights are missing."""
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        times = -5.0 + np.cumsum(random.choice([1.0, 2.0, 3.0], 60))
+        times = times[times < 40.0]
+        places = looped(times, 0.3, 1)
+        places[2, random.random(len(times)) < 0.1] = np.nan
+        assert cut_step(times, places) == 0.0
+
+
 def test_a_legal_loop_breaks_no_limit_for_a_clock_that_is_cut(tmp_path: Path) -> None:
     """Nor is its load factor off by more than three of the standard deviations that are told."""
     (tmp_path / "looped.yaml").write_text(LOOPED)
