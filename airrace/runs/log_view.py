@@ -42,6 +42,7 @@ class LogView:
         verification: the outcome of making the flight of the stored log once more; None where that was no question.
         cost_to_go: its losses by the cost to go of a run; None where that was no question. It is stored nowhere.
         displaced: sentences on the gates that by this and other logs stand elsewhere; they are stored nowhere, either.
+        remade: the flight that follows from the stored log, where it was made; None elsewhere.
     """
 
     inputs: Inputs
@@ -49,6 +50,7 @@ class LogView:
     verification: Verification | None = None
     cost_to_go: CostToGoLoss | None = None
     displaced: tuple[str, ...] = ()
+    remade: "LogFlight | None" = None
 
     @property
     def violations(self) -> tuple[Violation, ...]:

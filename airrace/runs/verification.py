@@ -5,6 +5,7 @@ consistency. A flight log is taken as it is, since it cannot be recorded again; 
 are made of it once more.
 """
 
+import contextlib
 import itertools
 import math
 import re
@@ -492,7 +493,12 @@ def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
 
 def with_verification(view: LogView, *, verify: bool) -> LogView:
     """Return a log with its verification; it is called not verified unless it is to be verified."""
-    return replace(view, verification=verify_log(view) if verify else Verification(None))
+    if not verify:
+        return replace(view, verification=Verification(None))
+    if not other_versions(view.recorded.versions, library_versions()):
+        with contextlib.suppress(CheckpointError, InputError):  # which are the outcome of its verification
+            view = replace(view, remade=flight_again(view))  # once: logs are judged together by it, too
+    return replace(view, verification=verify_log(view))
 
 
 def verify_log(view: LogView, *, versions: bool = True) -> Verification:
@@ -515,8 +521,11 @@ def flight_again(view: LogView) -> "LogFlight":
     """Return the flight that follows from the stored log.
 
     Raises:
-        InputError: none does.
+        CheckpointError: the stored log lacks positions.
+        InputError: no flight follows from it.
     """
+    if view.remade is not None:
+        return view.remade
     from airrace.flights.logs.log_flight import flight_of_part  # takes what smooths, which runs do not need
 
     log = view.recorded.log

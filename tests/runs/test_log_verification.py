@@ -11,6 +11,10 @@ from command import run
 
 import airrace
 from airrace.files.checkpoint import LogCheckpoint, write_log
+from airrace.flights.logs import smoothing as log_path
+from airrace.flights.results import Verification
+from airrace.optimal_control.trajectory import Array
+from airrace.runs.flight_sources import open_flights
 from airrace.runs.log_view import LogView, open_log
 from airrace.runs.verification import verify_log
 
@@ -107,3 +111,21 @@ def test_a_flight_of_another_version_is_not_verified_unless_asked(view: LogView)
     assert verify_log(other).verified is None
     assert verify_log(other, versions=False).verified
     assert math.isnan(view.recorded.log.receiver.noise) is False
+
+
+def test_logs_that_are_verified_and_judged_together_are_smoothed_once(
+    view: LogView, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    smoothed: list[int] = []
+
+    def counted(time: Array, places: Array, noise: float | None, least: Array) -> log_path.Path:
+        smoothed.append(len(time))
+        return log_path.smooth(time, places, noise, least)
+
+    monkeypatch.setattr("airrace.flights.logs.log_flight.smooth", counted)
+    files = [str(tmp_path / name) for name in ("a.h5", "b.h5")]
+    for file in files:
+        view.save(Path(file))
+    flights = open_flights(files, verify=True)
+    assert [flight.source.verification for flight in flights] == [Verification(True)] * 2
+    assert len(smoothed) == 2
