@@ -260,12 +260,19 @@ def _first_page(of: SimulatedRun, notes: CaseNotes, flight: Flight) -> Iterator[
     run, view, title = of.run, of.view, flight.course.name
     every = of.every.aircraft.values() if isinstance(of.every, SafetyRuns) else ()
     aircraft = dict.fromkeys([flight.aircraft.name, *every])
-    line = f"{_line_text(run)}; {flight.race_time:.3f} s, {view.name}, {claim_of(run, view) or view.status}"
+    reserve = _reserve_text(run, view)
+    whose = ""
+    if len(of.runs) > 1:
+        reserve = "; ".join(
+            f"{name}: {_reserve_text(other, other.stages[-1])}" for name, other in of.runs.items() if other.stages
+        )
+        whose = f"{next(name for name, other in of.runs.items() if other is run)}: "
+    line = f"{whose}{_line_text(run)}; {flight.race_time:.3f} s, {view.name}, {claim_of(run, view) or view.status}"
     yield Part(f'<p class="kicker">Safety case</p><h1>{escape_html(title)}</h1>', title)
     yield facts_part(
         [
             ("flight", line),
-            ("reserve", _reserve_text(run, view)),
+            ("reserve", reserve),
             ("margins", f"from {len(run.inputs.margins)} of its limits" if run.inputs.margins else ""),
             ("aircraft", ", ".join(aircraft)),
             ("air", view.stamp.air),
@@ -310,9 +317,16 @@ def _asked_text(reserve: ReserveEntry) -> str:
 def _flown_text(result: SafetyResult) -> str:
     """Return the disturbances in which flights were simulated, as `_disturbances_text` does."""
     scatter = result.scatter
-    percents = [100.0 * error for error in (scatter.mass, scatter.power, scatter.density)]
-    wind, gusts = scatter.wind / KNOT, scatter.gusts.value
-    return _disturbances_text(Disturbances(gusts, wind, *percents, scatter.timing, result.pilot.delay))
+    flown = Disturbances(
+        gusts=scatter.gusts.value,
+        wind_error_kt=scatter.wind / KNOT,
+        mass_error_percent=100.0 * scatter.mass,
+        power_error_percent=100.0 * scatter.power,
+        density_error_percent=100.0 * scatter.density,
+        roll_timing_s=scatter.timing,
+        delay_s=result.pilot.delay,
+    )
+    return _disturbances_text(flown)
 
 
 def _disturbances_text(disturbances: Disturbances) -> str:
