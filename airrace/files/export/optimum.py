@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.errors import CheckpointError
 from airrace.files.export.earth import EARTH
 from airrace.flights.results import Flight
 from airrace.optimal_control.certificate import RefinementReason
@@ -31,13 +32,17 @@ class FileVariable:
 
 
 def optimum_variables(flight: Flight) -> list[FileVariable]:
-    """Return mesh, phases, costates, Hamiltonian and multipliers of a flight; nothing where it is no optimum."""
+    """Return mesh, phases, costates, Hamiltonian and multipliers of a flight; nothing where it is no optimum, or where
+    its histories are not those of its model, so that they have no duals."""
     stored = flight.source.optimum
     if stored is None:
         return []
     from airrace.flights.results.duals import optimum_arrays  # takes the problem, which other formats do not need
 
-    arrays = optimum_arrays(stored)
+    try:
+        arrays = optimum_arrays(stored)
+    except CheckpointError:  # `show` and `verify` say what is wrong with it
+        return []
     trajectory, mesh, limits = stored.result.trajectory, stored.result.mesh, arrays.limits
     names = {dual.name for dual in arrays.duals}
     variables = [

@@ -19,7 +19,7 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.trajectory import Array
-from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.fidelity import ensure_matches_model, iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import formulate, mesh_of
@@ -132,9 +132,14 @@ def optimum_arrays(stored: StoredOptimum) -> OptimumArrays:
 
 
 def discretise(race: Race, settings: Settings, result: StageResult) -> tuple[Problem, Iterate]:
-    """Return the discretised problem of a stage on the mesh of its result, and the result as its iterate."""
-    flight = formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions)
-    return flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    """Return the discretised problem of a stage on the mesh of its result, and the result as its iterate.
+
+    Raises:
+        CheckpointError: the histories are not those of the stage's model.
+    """
+    ensure_matches_model(race, result)
+    stage_problem = formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions)
+    return stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
 
 
 def costates(problem: Problem, result: StageResult) -> NamedArray:

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 from command import run as command
+from flown_safety_case import CROWD, FLIGHTS, case, flown
 from lxml import html
-from safety_courses import COURSE, inputs, optimum
+from safety_courses import COURSE, optimum
 from short_course import AIRCRAFT, FROM_PLAN
 
 import airrace
@@ -24,38 +25,17 @@ from airrace.files.inputs import Document, inputs_from_documents, load_inputs
 from airrace.files.inputs.air import Wind
 from airrace.files.inputs.inputs import sources_of
 from airrace.flights.safety.disturbances import Gusts, Scatter
-from airrace.flights.safety.monte_carlo import OVER_G, Count, SafetyResult
+from airrace.flights.safety.monte_carlo import OVER_G, Count
 from airrace.optimal_control.quantities import KNOT
-from airrace.optimal_control.trajectory import Array
 from airrace.pages.report import browser
 from airrace.pages.report.browser import browser_path, print_pdf
 from airrace.pages.report.document import Document as Printed
-from airrace.pages.views.drawing import figure_address
-from airrace.pages.views.safety_views import BANDS, envelope_figure
 from airrace.runs.run_state import RunState, new_run
 from airrace.runs.safety_case import ReplannedFlights, SafetyCase
 from airrace.runs.safety_document import IN_WINDS, NO_CROWD, CaseNotes, SimulatedRun, ensure_one_course, safety_document
 from airrace.runs.safety_files import ensure_safety_file, write_safety_file
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns, fly_runs
 from airrace.runs.stage_view import StageView
-
-CROWD = "crowd: {stands: {polygon: [{north_m: 500, east_m: 400}, {north_m: 600, east_m: 400}, \
-{north_m: 600, east_m: 450}], distance_m: 100}}\n"
-FLIGHTS = 40
-"""The fewest of an envelope of 95 %."""
-
-
-@cache
-def flown(crowd: str = "") -> RunState:
-    """A run with the six-dof optimum, with people beside the course or without."""
-    given = inputs_from_documents(Document("folder/course.yaml", COURSE + crowd), AIRCRAFT, FROM_PLAN, ())
-    return new_run(given if crowd else inputs(), None).with_stage(optimum())
-
-
-@cache
-def case(crowd: str = "") -> SafetyCase:
-    """Few closed-loop flights of it."""
-    return flown(crowd).stage().safety(flights=FLIGHTS, threads=1, label="course.h5", falls=True)
 
 
 @pytest.fixture(scope="module")
@@ -452,50 +432,6 @@ def test_sources_are_those_of_the_files() -> None:
     assert "FlightGear" in found["track"]
     assert "Red Bull Air Race" in found["rules rbar-2014"]
     assert set(found) == {"track", "rules rbar-2014", "aircraft"}
-
-
-def with_envelope(lower: float, upper: float) -> SafetyResult:
-    """The flights as if all strayed to either side as far all along."""
-    result = case().result
-    envelope = np.zeros_like(result.envelope)
-    envelope[:, 0] = np.array([lower, lower, 0.5 * (lower + upper), upper, upper])[:, None]
-    return replace(result, envelope=envelope)
-
-
-def bands(result: SafetyResult) -> tuple[list[Array], float]:
-    """The pieces of both bands on the map, east and north, and how many times as far off they are drawn."""
-    figure = envelope_figure(result, flown().flight())
-    axes = figure.axes[0]
-    drawn = [one for one in axes.collections if type(one).__name__ == "PolyCollection"]
-    widening = float(re.search(r"drawn ([\d.]+) times", axes.get_title(loc="left"))[1])  # pyright: ignore[reportOptionalSubscript] it is there
-    return [np.array([path.vertices[:4] for path in one.get_paths()]) for one in drawn], widening
-
-
-def test_bands_lie_beside_the_line_to_the_side_and_as_far_as_is_said() -> None:
-    flight = flown().flight()
-    for low, high in ((-1.0, 1.0), (0.0, 2.0)):
-        (outer, inner), widening = bands(with_envelope(low, high))
-        assert len(outer) == len(inner) == len(case().result.clock) - 1
-        line = np.stack([np.interp(case().result.clock, flight.time, flight[name]) for name in ("y", "x")], axis=1)
-        chi = np.interp(case().result.clock, flight.time, np.unwrap(flight["chi"]))
-        right = np.stack([np.cos(chi), -np.sin(chi)], axis=1)
-        for corner, at, quantile in ((0, slice(None, -1), low), (2, slice(1, None), high)):
-            off = np.einsum("ij,ij->i", outer[:, corner] - line[at], right[at])
-            assert off == pytest.approx(np.full(len(off), widening * quantile), abs=0.05 * widening)
-
-
-def test_a_band_that_is_not_known_is_not_drawn() -> None:
-    result = case().result  # too few flights for 99.7 %
-    (only,), _ = bands(result)
-    assert len(only) == len(result.clock) - 1
-    labels = envelope_figure(result, flown().flight()).axes[0].get_legend_handles_labels()[1]
-    assert f"{BANDS[1][2]} of the flights" in labels
-    assert f"{BANDS[0][2]} of the flights" not in labels
-
-
-def test_the_same_drawing_has_the_same_address() -> None:
-    first, second = (figure_address(envelope_figure(case().result, flown().flight())) for _ in range(2))
-    assert first == second
 
 
 def test_runs_stand_below_one_another_and_one_that_fails_costs_no_other() -> None:
