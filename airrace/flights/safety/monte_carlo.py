@@ -425,7 +425,7 @@ def fly_closed_loop(
         ),
         impacts=tuple(
             Nearness.from_distances(thing, distances, distances <= 0.0 if thing.kind == "crowd" else distances < 0.0)
-            for thing, distances in zip(targets_of(race), fallen.distances, strict=False)
+            for thing, distances in zip(targets_of(race) if falls else (), fallen.distances, strict=True)
         ),
         stretches=fallen.stretches,
         gates=tuple(gate_stretches(names, measured, linear)),
