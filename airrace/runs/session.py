@@ -48,7 +48,8 @@ def optimum_of(run: RunState, stage: str | Stage | None) -> StageView:
     """
     view = run.stage(stage)
     if not view.result.holds:
-        raise UsageError(f"{view.name} of {run.label} is {view.status}: there is no optimum to start from")
+        why = view.stale or view.status
+        raise UsageError(f"{view.name} of {run.label}: there is no optimum to start from: {why}")
     return view
 
 
