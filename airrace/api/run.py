@@ -13,6 +13,7 @@ from airrace.api.safety import SafetyOptions
 from airrace.errors import UsageError
 from airrace.files.checkpoint.atomic import replace_file
 from airrace.flights.results.comparison import Comparison
+from airrace.flights.safety.disturbances import ChosenDisturbances
 from airrace.pages.report.film import card_of, ensure_card, film_of, film_settings, language_named
 from airrace.pages.views.count_view import counting
 from airrace.pages.views.drawing import ensure_drawable, save_figure
@@ -124,27 +125,17 @@ class Run(RunState):
         probability: float,
         *,
         load_factor: bool | None = None,
-        gusts: str | None = None,
-        wind_error_kt: float | None = None,
-        mass_error_percent: float | None = None,
-        power_error_percent: float | None = None,
-        density_error_percent: float | None = None,
-        roll_timing_s: float | None = None,
-        delay_s: float | None = None,
         threads: int | None = None,
         progress: bool = False,
+        **disturbances: Unpack[ChosenDisturbances],
     ) -> "ReserveCase":
         """Fly the race again with margins so large that flights in disturbances break no limit so probably.
 
         Args:
             probability: that a race breaks no limit.
             load_factor: whether a pull that counts by the penalties of the season breaks one.
-            gusts: `none`, `light`, `moderate` or `severe`.
-            wind_error_kt: standard deviation of the wind to the north and to the east.
-            mass_error_percent, power_error_percent, density_error_percent: standard deviations of these.
-            roll_timing_s: standard deviation of the time by which rolls are late or early.
-            delay_s: of the pilot.
             threads, progress: see `resume`.
+            disturbances: in which that is asked for.
 
         What is None is as `rules.reserve` has it by default.
 
@@ -154,18 +145,7 @@ class Run(RunState):
         """
         from airrace.runs.reserve_search import fly_reserve, reserve_named  # takes what flies
 
-        texts = chosen_texts(
-            "rules.reserve",
-            probability=probability,
-            load_factor=load_factor,
-            gusts=gusts,
-            wind_error_kt=wind_error_kt,
-            mass_error_percent=mass_error_percent,
-            power_error_percent=power_error_percent,
-            density_error_percent=density_error_percent,
-            roll_timing_s=roll_timing_s,
-            delay_s=delay_s,
-        )
+        texts = chosen_texts("rules.reserve", probability=probability, load_factor=load_factor, **disturbances)
         request, fly_again = reserve_named(self, texts), _flies_again(threads, progress=progress)
         with counting(shown=progress) as count:
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict, Union
+from typing import TYPE_CHECKING, Annotated, Union
 
 from airrace import options
 from airrace.api.flights import AnyFlight
 from airrace.api.optimize import optimize
-from airrace.flights.safety.disturbances import Disturbances, Gusts
+from airrace.flights.safety.disturbances import ChosenDisturbances, Disturbances, Gusts
 from airrace.options import Option
 
 if TYPE_CHECKING:
@@ -22,17 +22,10 @@ if TYPE_CHECKING:
     from airrace.runs.safety_rose import SafetyRose, SafetyRuns
 
 
-class SafetyOptions(TypedDict, total=False):
+class SafetyOptions(ChosenDisturbances, total=False):
     """The flights, the disturbances and the pilot of `airrace.api.safety.safety`, where they are passed on."""
 
     flights: int
-    gusts: str | None
-    wind_error_kt: float | None
-    mass_error_percent: float | None
-    power_error_percent: float | None
-    density_error_percent: float | None
-    roll_timing_s: float | None
-    delay_s: float | None
     seed: int
     threads: int | None
     replan_s: float | None

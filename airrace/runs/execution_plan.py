@@ -62,7 +62,7 @@ def value_texts(values: Values) -> list[str]:
     return [values] if isinstance(values, str) else list(values)
 
 
-def chosen_texts(group: str, **chosen: Enum | str | float | None) -> list[str]:
+def chosen_texts(group: str, **chosen: object) -> list[str]:
     """Return values of a group that have options of their own as `key=value` texts; None leaves a value alone."""
     plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
     return [f"{group}.{name}={value}" for name, value in plain.items() if value is not None]

@@ -17,6 +17,7 @@ from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.files.checkpoint import ReserveAttempt
 from airrace.files.inputs.objects import is_of_objects
 from airrace.files.inputs.rules import FoundEntry, ReserveEntry
+from airrace.flights.safety.disturbances import Disturbances
 from airrace.flights.safety.monte_carlo import LOAD, OVER_G, Count, SafetyResult, closed_loop_of
 from airrace.flights.safety.pilot import PilotModel
 from airrace.flights.safety.reserve import STALL, Limit, allocate, lift_margin, limits_of
@@ -269,8 +270,7 @@ class _Search:
         self.show = show
         self.asked = asked_text(request)
         self.options: dict[str, Any] = {**request.model_dump(exclude=set(REQUEST)), "threads": threads}
-        errors = (request.mass_error_percent, request.power_error_percent, request.density_error_percent)
-        self.scatter = scatter_of(request.gusts, (request.wind_error_kt, *errors, request.roll_timing_s))
+        self.scatter = scatter_of(Disturbances.of_reserve(request))
         self.pilot = PilotModel(delay=request.delay_s)
         self.prices = _prices(run)
         self.allowed = 1.0 - request.probability

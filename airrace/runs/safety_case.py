@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from airrace.errors import OutOfTime, UsageError
 from airrace.flights.results.penalties import NONE_KNOWN, Penalties
-from airrace.flights.safety.disturbances import Gusts, Scatter
+from airrace.flights.safety.disturbances import Disturbances, Gusts, Scatter
 from airrace.flights.safety.monte_carlo import (
     CONFIDENCE,
     CONTACT,
@@ -326,10 +326,8 @@ def fly_safety_case(
     result: StageResult,
     label: str,
     flights: int,
-    gusts: str,
-    errors: tuple[float, float, float, float, float],
+    disturbances: Disturbances,
     *,
-    delay: float,
     seed: int,
     threads: int | None,
     replan: tuple[float, Settings] | None = None,
@@ -345,9 +343,7 @@ def fly_safety_case(
         race, result: what is simulated.
         label: what people call it.
         flights, seed, threads: see `airrace.flights.safety.monte_carlo.fly_closed_loop`.
-        gusts: `none`, `light`, `moderate` or `severe`.
-        errors: standard deviations of the wind (kt), mass, power and density (%), and of the time of rolls (s).
-        delay: of the pilot, s.
+        disturbances: of the flights.
         replan: the time between two lines, s, and the settings by which the race is solved, to fly the same flights
             with the line replanned as well; None to leave that.
         penalties, falls, watch, until: likewise.
@@ -363,9 +359,9 @@ def fly_safety_case(
         )
     if seed < 0:
         raise UsageError(f"a seed of {seed} is out of range: it must be 0 or larger")
-    scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
+    scatter, pilot = scatter_of(disturbances), PilotModel(delay=disturbances.delay_s)
     if replan is not None and result.is_flight:
-        ensure_replanned(replan[0], result.trajectory.race_time, delay)
+        ensure_replanned(replan[0], result.trajectory.race_time, disturbances.delay_s)
 
     def fly(replanning: Replanning | None = None) -> SafetyResult:
         return fly_closed_loop(
@@ -437,21 +433,22 @@ def _mean(values: Array) -> tuple[float, float]:
     return float(values.mean()), float(widest * values.std(ddof=1) / math.sqrt(len(values)))
 
 
-def scatter_of(gusts: str, errors: tuple[float, float, float, float, float]) -> Scatter:
-    """Return the disturbances; see `fly_safety_case`.
+def scatter_of(disturbances: Disturbances) -> Scatter:
+    """Return disturbances in SI units, as shares, and as one of the gusts that there are.
 
     Raises:
         UsageError: there are no such gusts, or an error is out of range.
     """
-    if gusts not in list(Gusts):
-        raise UsageError(f"there are no gusts {gusts!r}; known are {', '.join(Gusts)}")
-    for error, (what, unit, most) in zip(errors, _ERRORS, strict=True):
+    wind, mass, power = disturbances.wind_error_kt, disturbances.mass_error_percent, disturbances.power_error_percent
+    density, timing = disturbances.density_error_percent, disturbances.roll_timing_s
+    if disturbances.gusts not in list(Gusts):
+        raise UsageError(f"there are no gusts {disturbances.gusts!r}; known are {', '.join(Gusts)}")
+    for error, (what, unit, most) in zip((wind, mass, power, density, timing), _ERRORS, strict=True):
         if not 0.0 <= error <= most:
             raise UsageError(
                 f"an error of {error:g}{unit} in the {what} is out of range: it must be 0 to {most:g}{unit}"
             )
-    wind, mass, power, density, timing = errors
-    return Scatter(Gusts(gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
+    return Scatter(Gusts(disturbances.gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
 
 
 _ERRORS = (

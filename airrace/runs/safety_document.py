@@ -5,7 +5,7 @@ All of its numbers are plain values first: `Document.as_object` returns them unr
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -303,7 +303,7 @@ def _reserve_text(run: RunState, view: StageView) -> str:
 
 def _asked_text(reserve: ReserveEntry) -> str:
     """Return the disturbances that a reserve was asked for in, as `_disturbances_text` does."""
-    return _disturbances_text(Disturbances(**{key.name: getattr(reserve, key.name) for key in fields(Disturbances)}))
+    return _disturbances_text(Disturbances.of_reserve(reserve))
 
 
 def _flown_text(result: SafetyResult) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, TextIO, Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from airrace.flights.results import Flight, Source, StoredOptimum, Verification,
 from airrace.flights.results.clearances import distance_columns, with_distances
 from airrace.flights.results.derivation import table_columns
 from airrace.flights.results.stamp import Stamp
-from airrace.flights.safety.disturbances import Disturbances
+from airrace.flights.safety.disturbances import ChosenDisturbances, Disturbances
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.trajectory import Trajectory
 from airrace.pages.views.map_model import by_speed, map_model
@@ -332,13 +332,6 @@ class StageView:
         self,
         *,
         flights: int = 1000,
-        gusts: str | None = None,
-        wind_error_kt: float | None = None,
-        mass_error_percent: float | None = None,
-        power_error_percent: float | None = None,
-        density_error_percent: float | None = None,
-        roll_timing_s: float | None = None,
-        delay_s: float | None = None,
         seed: int = 0,
         threads: int | None = None,
         label: str | None = None,
@@ -347,16 +340,12 @@ class StageView:
         watch: "Watch | None" = None,
         begin: "Begin | None" = None,
         until: float = math.inf,
+        **chosen: Unpack[ChosenDisturbances],
     ) -> "SafetyCase":
         """Fly the optimum many times with a pilot in the loop, in gusts and with errors, as `airrace safety` does.
 
         Args:
             flights: how many; flight k is the same however many there are.
-            gusts: `none`, `light`, `moderate` or `severe`.
-            wind_error_kt: standard deviation of the wind to the north and to the east.
-            mass_error_percent, power_error_percent, density_error_percent: standard deviations of these.
-            roll_timing_s: standard deviation of the time by which rolls begin late or early.
-            delay_s: of the pilot.
             seed: of all flights.
             threads: None for one per processor.
             label: what people call the flight; None for the track's name and the stage.
@@ -366,9 +355,8 @@ class StageView:
             watch: is told how many flights are flown, of how many, and how many of these break a rule.
             begin: is told of replanned flights before they are watched.
             until: the time of the monotonic clock, s, at which flights end; those that are flown count.
-
-        Disturbances that are None are those that the run's reserve was asked for in; without a reserve the defaults
-        of `Disturbances`.
+            chosen: disturbances; else those that the run's reserve was asked for in, without one those of
+                `airrace.flights.safety.disturbances.Disturbances`.
 
         Raises:
             UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
@@ -377,20 +365,9 @@ class StageView:
         from airrace.flights.safety.monte_carlo import unwatched  # takes what flies, likewise
         from airrace.runs.safety_case import fly_safety_case, unannounced
 
-        named = {
-            "gusts": gusts,
-            "wind_error_kt": wind_error_kt,
-            "mass_error_percent": mass_error_percent,
-            "power_error_percent": power_error_percent,
-            "density_error_percent": density_error_percent,
-            "roll_timing_s": roll_timing_s,
-            "delay_s": delay_s,
-        }
-        usual, reserve = Disturbances(), self.inputs.reserve
-        if reserve is not None:
-            usual = Disturbances(**{name: getattr(reserve, name) for name in named})
-        chosen = replace(usual, **{name: value for name, value in named.items() if value is not None})
-        percents = chosen.mass_error_percent, chosen.power_error_percent, chosen.density_error_percent
+        reserve = self.inputs.reserve
+        usual = Disturbances() if reserve is None else Disturbances.of_reserve(reserve)
+        disturbances = replace(usual, **{name: value for name, value in chosen.items() if value is not None})
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
         result = downgrade_stale(self.result, self.stale)
         return fly_safety_case(
@@ -398,9 +375,7 @@ class StageView:
             result,
             name,
             flights,
-            chosen.gusts,
-            (chosen.wind_error_kt, *percents, chosen.roll_timing_s),
-            delay=chosen.delay_s,
+            disturbances,
             seed=seed,
             threads=threads,
             replan=None if replan_s is None else (replan_s, self.inputs.settings),

@@ -1,7 +1,8 @@
 """What disturbs a flight in closed loop, and by how much by default."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import TypedDict
 
 from airrace.optimal_control.quantities import KNOT
 
@@ -50,6 +51,28 @@ class Disturbances:
     density_error_percent: float = DENSITY_ERROR_PERCENT
     roll_timing_s: float = ROLL_TIMING
     delay_s: float = PILOT_DELAY
+
+    @classmethod
+    def of_reserve(cls, reserve: object) -> "Disturbances":
+        """Return those that a reserve is asked for in, which has them by the same names."""
+        return cls(**{key.name: getattr(reserve, key.name) for key in fields(cls)})
+
+
+class ChosenDisturbances(TypedDict, total=False):
+    """Disturbances that people choose, see `Disturbances`; what is left out or None stays as it is by default.
+
+    `gusts` is `none`, `light`, `moderate` or `severe`; errors are standard deviations: of the wind to the north and to
+    the east, of mass, power and the air's density, and of the time by which rolls are late or early. `delay_s` is that
+    of the pilot.
+    """
+
+    gusts: str | None
+    wind_error_kt: float | None
+    mass_error_percent: float | None
+    power_error_percent: float | None
+    density_error_percent: float | None
+    roll_timing_s: float | None
+    delay_s: float | None
 
 
 @dataclass(frozen=True)

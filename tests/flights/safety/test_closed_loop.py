@@ -11,7 +11,7 @@ from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 from airrace.errors import UsageError
 from airrace.files.inputs.air import Wind, winds_named
 from airrace.flights.safety.closed_loop import Flights, fly
-from airrace.flights.safety.disturbances import UNDISTURBED, Gusts, Scatter
+from airrace.flights.safety.disturbances import UNDISTURBED, Disturbances, Gusts, Scatter
 from airrace.flights.safety.judge import Judge, grid_of, measure, together
 from airrace.flights.safety.monte_carlo import (
     Count,
@@ -297,9 +297,8 @@ def test_a_rose_of_winds_is_understood_or_refused() -> None:
 
 def test_a_case_is_documented_in_full_and_what_is_out_of_range_is_refused() -> None:
     def case(flights: int = 3, gusts: str = "none", wind: float = 1.0, seed: int = 0) -> SafetyCase:
-        errors = (wind, 0.0, 0.0, 0.0, 0.0)
-        given = (inputs().race, optimum(), "short", flights, gusts, errors)
-        return fly_safety_case(*given, delay=0.1, seed=seed, threads=1)
+        disturbances = Disturbances(gusts, wind, 0.0, 0.0, 0.0, 0.0)
+        return fly_safety_case(inputs().race, optimum(), "short", flights, disturbances, seed=seed, threads=1)
 
     one = case()
     found = json.loads(json.dumps(one.as_object(), allow_nan=False))
@@ -328,8 +327,8 @@ def test_a_case_is_documented_in_full_and_what_is_out_of_range_is_refused() -> N
 
 def test_an_optimum_that_is_not_certified_is_flown_but_not_without_a_word() -> None:
     doubtful = replace(optimum(), outcome=Status.NOT_CERTIFIED, message="a defect is too large")
-    given = (inputs().race, doubtful, "short", 1, "none", (0.0,) * 5)
-    case = fly_safety_case(*given, delay=0.1, seed=0, threads=1)
+    undisturbed = Disturbances("none", 0.0, 0.0, 0.0, 0.0, 0.0)
+    case = fly_safety_case(inputs().race, doubtful, "short", 1, undisturbed, seed=0, threads=1)
     assert case.uncertified == "the optimum is not certified: six-dof: a defect is too large"
     assert case.uncertified in repr(case)
     rose = SafetyRose("short", {Wind(5.0, 90.0): case})

@@ -11,7 +11,7 @@ from safety_courses import inputs, loop, optimum
 
 from airrace.errors import OutOfTime, UsageError
 from airrace.flights.safety.closed_loop import fly
-from airrace.flights.safety.disturbances import UNDISTURBED, Scatter
+from airrace.flights.safety.disturbances import UNDISTURBED, Disturbances, Scatter
 from airrace.flights.safety.judge import Judge, measure
 from airrace.flights.safety.monte_carlo import fly_closed_loop
 from airrace.flights.safety.nominal import TABLE_STEP, displace
@@ -24,7 +24,7 @@ from airrace.runs.safety_case import fly_safety_case
 from airrace.runs.safety_rose import is_cut
 
 INTERVAL = 1.0
-LIGHT = (2.5, 2.0, 2.0, 1.0, 0.02)
+LIGHT = Disturbances()
 
 
 @pytest.fixture(scope="module")
@@ -118,10 +118,8 @@ def test_a_replanned_flight_is_the_same_bit_by_bit_in_any_company(replanning: Re
 
 def test_a_case_holds_both_lines_of_the_same_flights() -> None:
     race, settings = inputs().race, inputs().settings
-    case = fly_safety_case(
-        race, optimum(), "short", 2, "light", LIGHT, delay=0.1, seed=0, threads=2, replan=(3.0, settings)
-    )
-    plain = fly_safety_case(race, optimum(), "short", 2, "light", LIGHT, delay=0.1, seed=0, threads=1)
+    case = fly_safety_case(race, optimum(), "short", 2, LIGHT, seed=0, threads=2, replan=(3.0, settings))
+    plain = fly_safety_case(race, optimum(), "short", 2, LIGHT, seed=0, threads=1)
     np.testing.assert_array_equal(case.result.race_times, plain.result.race_times)
     assert case.replanned is not None
     assert (case.replanned.result.race_times != case.result.race_times).all()
@@ -135,9 +133,7 @@ def test_a_case_holds_both_lines_of_the_same_flights() -> None:
     assert second["race_time_interval_s"] == pytest.approx(12.7062 * apart / 2.0, rel=1e-4)  # Student, one degree
     assert "replanned every 3 s" in repr(case)
     with pytest.raises(UsageError, match=r"every 0\.05 s is out of range: it must be every 0\.1 to 10 s"):
-        fly_safety_case(
-            race, optimum(), "short", 2, "light", LIGHT, delay=0.1, seed=0, threads=1, replan=(0.05, settings)
-        )
+        fly_safety_case(race, optimum(), "short", 2, LIGHT, seed=0, threads=1, replan=(0.05, settings))
 
 
 def test_a_time_limit_ends_the_flights_of_replanned_lines_in_their_midst(replanning: Replanning) -> None:
@@ -156,8 +152,8 @@ def test_replanned_flights_come_in_small_batches(replanning: Replanning) -> None
 
 
 def test_what_was_not_replanned_in_time_is_told_as_cut() -> None:
-    options = {"delay": 0.1, "seed": 0, "threads": 1, "replan": (1.0, inputs().settings), "until": 0.0}
-    case = fly_safety_case(inputs().race, optimum(), "course", 2, "light", LIGHT, **options)
+    options = {"seed": 0, "threads": 1, "replan": (1.0, inputs().settings), "until": 0.0}
+    case = fly_safety_case(inputs().race, optimum(), "course", 2, LIGHT, **options)
     assert (case.result.flights, case.replanned, is_cut(case)) == (2, None, True)
     assert "the time was over before any flight along replanned lines" in case.remarks
 
@@ -165,8 +161,7 @@ def test_what_was_not_replanned_in_time_is_told_as_cut() -> None:
 def test_replanned_flights_are_a_task_of_their_own() -> None:
     told: list[object] = []
     fly_safety_case(
-        *(inputs().race, optimum(), "short", 2, "light", LIGHT),
-        delay=0.1,
+        *(inputs().race, optimum(), "short", 2, LIGHT),
         seed=0,
         threads=2,
         replan=(3.0, inputs().settings),
@@ -181,8 +176,7 @@ def test_a_race_that_is_over_before_a_line_is_planned_is_refused() -> None:
     flown: list[int] = []
     with pytest.raises(UsageError, match=rf"it must be less than every {most:.1f} s"):
         fly_safety_case(
-            *(inputs().race, optimum(), "short", 2, "light", LIGHT),
-            delay=0.1,
+            *(inputs().race, optimum(), "short", 2, LIGHT),
             seed=0,
             threads=1,
             replan=(most + 0.01, inputs().settings),
