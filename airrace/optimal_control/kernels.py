@@ -258,7 +258,8 @@ def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Ar
     for place, array in enumerate(outputs):
         buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
 
-    def call() -> None:
+    # casadi keeps addresses alone: the call keeps the arrays.
+    def call(owned: object = (*arguments, *outputs)) -> None:
         evaluate()
         if buffer.ret():
             raise SolverCrash(f"{function.name()} could not be evaluated")

@@ -2,6 +2,7 @@
 
 import math
 import operator
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -480,6 +481,17 @@ def test_calls_that_threads_cannot_share_evenly_are_made_as_well(
         alone()
         for one, other in zip(results, expected, strict=True):
             assert one.reshape(calls, -1)[number].tobytes() == other.tobytes()
+
+
+def test_a_bound_call_keeps_what_it_reads_and_writes(assembly: Assembly) -> None:
+    function = assembly.calls[0].kernel.value
+    arguments = [np.ones(function.nnz_in(place)) for place in range(function.n_in())]
+    results = [np.zeros(function.nnz_out(place)) for place in range(function.n_out())]
+    arrays = [weakref.ref(array) for array in (*arguments, *results)]
+    call, _ = bind(function, arguments, results)
+    del arguments, results, _
+    assert all(array() is not None for array in arrays)
+    call()
 
 
 def test_summands_that_meet_are_added_and_some_nonzeros_can_be_chosen() -> None:
