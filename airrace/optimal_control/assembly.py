@@ -5,6 +5,7 @@ derivatives is a weighted sum; the weights carry the scaling. These are index ar
 problem alone and are made in time linear in its length. `evaluation.py` evaluates them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,6 +22,7 @@ from airrace.optimal_control.sparse_assembly import (
     StageAssembly,
     unique_rows,
 )
+from airrace.optimal_control.system import Observation
 from airrace.optimal_control.trajectory import Array, Indices
 
 
@@ -66,16 +68,18 @@ class Calls:
 
 
 @dataclass(frozen=True, eq=False)
-class FinalCost:
-    """The cost `sum_i weights_i c_i(y)` of the final state y (a Mayer term), as an observation sees it.
+class EndCost:
+    """The cost `sum_i weights_i c_i(y)` of the state y at one end (a Mayer term), as an observation sees it.
 
     Attributes:
+        stage: the first or the last.
         kernel: what is observed, c.
         weights: of its values, in the objective's unit per unit of the quantity; shape (n_c,).
         inputs: places of y among the unknowns, shape (n_x,).
         own: places of the observation's parameters in p, shape (n_b,).
     """
 
+    stage: int
     kernel: Kernel
     weights: Array
     inputs: Indices
@@ -106,7 +110,7 @@ class Assembly:
         layout: of the problem.
         calls: of all kernels.
         linear: the linear part of the objective in the scaled unknowns, shape (n_w,).
-        final: the cost that an observation sees in the final state; None without one.
+        end_costs: what observations see in the states at the ends.
         penalty: None without a regularisation.
     """
 
@@ -128,12 +132,13 @@ class Assembly:
         terminal = [objective.terminal.get(quantity.name, 0.0) for quantity in problem.system.states]
         self.linear[layout.state_index[-1]] += terminal
         self.linear *= layout.scale
-        self.final: FinalCost | None = None
-        if (observation := objective.observation) is not None:
-            weights = np.array([objective.terminal.get(quantity.name, 0.0) for quantity in observation.quantities])
-            end = len(layout.parameter_values())
-            own = np.arange(end - len(objective.values), end)
-            self.final = FinalCost(casadi_observation(observation.values), weights, layout.state_index[-1], own)
+        self.end_costs: list[EndCost] = []
+        begin = len(layout.parameter_values()) - len(objective.all_values)
+        own = begin + np.arange(len(objective.all_values))
+        if objective.observation is not None:
+            self._observe_end(layout.intervals, objective.observation, objective.terminal, own[: len(objective.values)])
+        if (start := objective.start) is not None:
+            self._observe_end(0, start.observation, start.weights, own[len(objective.values) :])
         regularised = (*problem.system.states, *problem.system.controls)
         weights = np.array([objective.regularisation.get(quantity.name, 0.0) for quantity in regularised])
         regularised_rows = np.flatnonzero(weights)
@@ -148,6 +153,11 @@ class Assembly:
         )
         self._gap_signs = np.repeat([1.0, 1.0, -1.0], [states.size, layout.intervals, layout.intervals])
         self._gap_stages = np.concatenate([np.repeat(intervals, layout.n_x), intervals, intervals])
+
+    def _observe_end(self, stage: int, observation: Observation, weights: Mapping[str, float], own: Indices) -> None:
+        values = np.array([weights.get(quantity.name, 0.0) for quantity in observation.quantities])
+        kernel, inputs = casadi_observation(observation.values), self.layout.state_index[stage]
+        self.end_costs.append(EndCost(stage, kernel, values, inputs, own))
 
     # the kernel calls
 
@@ -272,7 +282,7 @@ class Assembly:
     def hessian(self) -> SparseAssembly:
         """The Hessian of the Lagrangian, both triangles.
 
-        Its sources are the nonzeros of all kernels' Hessians, those of the final cost's, and the penalty's two blocks,
+        Its sources are the nonzeros of all kernels' Hessians, those of the costs' at the ends, and the penalty's two blocks,
         in w w and in w T, each of shape (N, n).
         """
         return self.hessian_of(np.arange(self._stages))
@@ -293,11 +303,11 @@ class Assembly:
             rows, columns, count = rows[used], columns[used], len(row)
             matrix.add_block(count * len(calls.of_lane), count * calls.first_of_stage(self._stages))
             matrix.add(rows, columns, scale[rows] * scale[columns], _results(numbers, count)[used])
-        if self.final is not None:
-            row, column = _nonzeros(self.final.kernel.hessian_pattern)
-            rows, columns = self.final.inputs[row], self.final.inputs[column]
+        for cost in self.end_costs:
+            row, column = _nonzeros(cost.kernel.hessian_pattern)
+            rows, columns = cost.inputs[row], cost.inputs[column]
             matrix.add_block(len(rows), np.zeros(self._stages, dtype=np.int64))
-            if within[-1]:
+            if within[cost.stage]:
                 matrix.add(rows, columns, scale[rows] * scale[columns], np.arange(len(rows)))
         if (penalty := self.penalty) is not None:  # T fraction weight w^2
             intervals, count = np.flatnonzero(within[:-1]), len(penalty.weights)
@@ -319,6 +329,7 @@ class Assembly:
         """
         layout = self.layout
         keys: list[Indices] = [layout.stage_states, layout.stage_controls, np.arange(self._stages) == layout.intervals]
+        keys += [np.arange(self._stages) == cost.stage for cost in self.end_costs]
         begins = np.append(layout.gap_index[:, 0], 0)
         for calls in self.calls:
             key = np.zeros(self._stages, dtype=np.int64)

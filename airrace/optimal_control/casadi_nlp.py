@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
+from airrace.optimal_control.assembly import Assembly, Calls, EndCost, Penalty
 from airrace.optimal_control.kernels import Kernel, Part, casadi_kernels, map_calls
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
@@ -128,9 +128,9 @@ class NlpExpressions:
     def objective(self) -> ca.MX:
         """Return f."""
         f = ca.dot(ca.DM(self.assembly.linear), self.w)
-        if self.assembly.final is not None:
-            y, own, weights = self.final_arguments(self.assembly.final)
-            f += ca.dot(weights, self.assembly.final.kernel.value(y, own, _NOTHING))
+        for cost in self.assembly.end_costs:
+            y, own, weights = self.arguments_at_end(cost)
+            f += ca.dot(weights, cost.kernel.value(y, own, _NOTHING))
         if self.assembly.penalty is not None:
             f += self.regularisation(self.assembly.penalty)
         return f
@@ -164,9 +164,9 @@ class NlpExpressions:
         columns = outputs if isinstance(outputs, tuple) else (outputs,)
         return [ca.vec(column.nz[:]) for column in columns]
 
-    def final_arguments(self, final: FinalCost) -> tuple[ca.MX, ca.MX, ca.DM]:
-        """Return the final state, the observation's parameters and the weights of the cost."""
-        return self.unscaled[final.inputs.tolist()], self.p[final.own.tolist()], ca.DM(final.weights)
+    def arguments_at_end(self, cost: EndCost) -> tuple[ca.MX, ca.MX, ca.DM]:
+        """Return the state at that end, the observation's parameters and the weights of the cost."""
+        return self.unscaled[cost.inputs.tolist()], self.p[cost.own.tolist()], ca.DM(cost.weights)
 
 
 def take_columns(column: ca.MX, places: Indices) -> ca.MX:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty, StageMatrices
+from airrace.optimal_control.assembly import Assembly, Calls, EndCost, Penalty, StageMatrices
 from airrace.optimal_control.kernels import BoundCall, Part, bind
 from airrace.optimal_control.trajectory import Array
 
@@ -44,7 +44,7 @@ class Evaluation:
         self.jacobian = np.zeros(0)
         self.gradient, self.hessian = np.zeros(layout.unknowns), np.zeros(0)
         self._calls = [_KernelEvaluation(calls, threads) for calls in assembly.calls]
-        self._final = None if assembly.final is None else _FinalCostEvaluation(assembly.final)
+        self._end_costs = [_EndCostEvaluation(cost) for cost in assembly.end_costs]
         self._evaluated_at: Array | None = None
         self._curved_at: tuple[float, Array] | None = None
         self._curved: list[Array] = []
@@ -61,8 +61,8 @@ class Evaluation:
         padded = np.append(self.p, 0.0)
         for calls in self._calls:
             calls.take_parameters(padded)
-        if self._final is not None:
-            self._final.own[:] = padded[self._final.cost.own]
+        for end in self._end_costs:
+            end.own[:] = padded[end.cost.own]
 
     @contextmanager
     def _clock(self) -> Generator[None]:
@@ -119,8 +119,7 @@ class Evaluation:
         with self._clock():
             unscaled = self._unscale()
             blocks = self._hessian_blocks(unscaled)
-            if self._final is not None:
-                blocks.append(self._final.derivatives(unscaled, self.lam_f)[1])
+            blocks += [end.derivatives(unscaled, self.lam_f)[1] for end in self._end_costs]
             if (penalty := self.assembly.penalty) is not None:
                 share = (self.lam_f * self.p[penalty.fractions])[:, None]
                 durations = np.broadcast_to(unscaled[penalty.durations][:, None], penalty.places.shape)
@@ -146,8 +145,8 @@ class Evaluation:
 
     def _objective(self, unscaled: Array) -> float:
         f = _sum(self.assembly.linear * self.w)
-        if self._final is not None:
-            f += self._final.value(unscaled)
+        for end in self._end_costs:
+            f += end.value(unscaled)
         if (penalty := self.assembly.penalty) is not None:
             weighted = _weighted_sums(penalty.weights, self.w[penalty.places] ** 2)
             f += _sum(weighted * self._interval_durations(penalty, unscaled))
@@ -155,9 +154,9 @@ class Evaluation:
 
     def _objective_gradient(self, unscaled: Array) -> Array:
         gradient, scale = self.assembly.linear.copy(), self.assembly.layout.scale
-        if self._final is not None:
-            places = self._final.cost.inputs
-            gradient[places] += self._final.derivatives(unscaled, 1.0)[0] * scale[places]
+        for end in self._end_costs:
+            places = end.cost.inputs
+            gradient[places] += end.derivatives(unscaled, 1.0)[0] * scale[places]
         if (penalty := self.assembly.penalty) is not None:
             values = self.w[penalty.places]
             durations = self._interval_durations(penalty, unscaled)[:, None]
@@ -218,10 +217,10 @@ class _KernelEvaluation:
         return results
 
 
-class _FinalCostEvaluation:
-    """The cost of the final state and its derivatives."""
+class _EndCostEvaluation:
+    """The cost of the state at one end and its derivatives."""
 
-    def __init__(self, cost: FinalCost) -> None:
+    def __init__(self, cost: EndCost) -> None:
         self.cost, self.own = cost, np.zeros(len(cost.own))
         self._y, self._weights = np.zeros(len(cost.inputs)), np.zeros(len(cost.weights))
         arguments = self._y, self.own, np.zeros(0)

@@ -376,17 +376,17 @@ class Layout:
     def parameter_values(self) -> Array:
         """Return the parameters of the nonlinear program.
 
-        They are the system's, the fractions, those of all samples, the jumps, those of the objective's observation.
+        They are the system's, the fractions, those of all samples, the jumps, those of the objective's observations.
         """
         jumps = [jump for jump, phase in zip(self.problem.jumps.T, self.problem.phases, strict=True) if phase.jump]
-        objective = self.problem.objective.values
+        objective = self.problem.objective.all_values
         return np.concatenate([self.problem.parameters, self.fractions, *self._sample_values, *jumps, objective])
 
     @property
     def jump_offset(self) -> int:
         """The place of the first jump among the parameters of the nonlinear program."""
         jumps = self.n_x * len(self.jump_at)
-        return len(self.parameter_values()) - len(self.problem.objective.values) - jumps
+        return len(self.parameter_values()) - len(self.problem.objective.all_values) - jumps
 
     def describe(self, constraint: int) -> str:
         """Return a description of a constraint, for people."""

@@ -131,10 +131,25 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Objective:
-    """The minimised functional: the time, a cost of the final state, and a cost of squared states and controls.
+class StartCost:
+    """The cost `sum_i weights_i c_i(x(0))` of the state at the start.
 
-        time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (v_j / scale_j)^2 dt
+    Attributes:
+        weights: by name of the observation's quantities, per unit of these.
+        observation: what is observed of the first state, c; any smooth function of it.
+        values: the observation's parameters (n_b,).
+    """
+
+    weights: Mapping[str, float]
+    observation: Observation
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Objective:
+    """The minimised functional: the time, costs of the states at both ends, and a cost of squared states and controls.
+
+        time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (v_j / scale_j)^2 dt + start
 
     The c_i are states, or what an observation sees of the final state, which may be any smooth function of it. The v_j
     are controls or states; of states the sum counts those where each interval begins, which suits small weights. Any
@@ -146,6 +161,7 @@ class Objective:
         regularisation: weights of states and controls by name, per s.
         observation: what is observed of the final state; None if only states are weighed.
         values: the observation's parameters (n_b,).
+        start: the cost of the first state; None without one.
     """
 
     time: float = 1.0
@@ -153,6 +169,12 @@ class Objective:
     regularisation: Mapping[str, float] = field(default_factory=dict[str, float])
     observation: Observation | None = None
     values: tuple[float, ...] = ()
+    start: StartCost | None = None
+
+    @property
+    def all_values(self) -> tuple[float, ...]:
+        """The parameters of what is observed at the end, then of what is observed at the start."""
+        return self.values if self.start is None else (*self.values, *self.start.values)
 
 
 @dataclass(frozen=True)
@@ -231,6 +253,8 @@ class Problem:
         constraints = [constraint for phase in self.phases for constraint in phase.path_constraints]
         observers = (*self.boundaries, *constraints, self.objective)
         observations = [observer.observation for observer in observers if observer.observation is not None]
+        if self.objective.start is not None:
+            observations.append(self.objective.start.observation)
         return list({id(observation): observation for observation in observations}.values())
 
 
@@ -313,9 +337,14 @@ def _check_objective(system: System, objective: Objective) -> None:
         raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(ambiguous))}")
     parameters = objective.observation.parameters if objective.observation is not None else ()
     _require_count("the objective", parameters, objective.values)
+    weights = {"time": objective.time, **objective.terminal, **objective.regularisation}
+    if (start := objective.start) is not None:
+        _require_known("the cost of the start weighs unknown quantities", start.weights, start.observation.quantities)
+        _require_count("the cost of the start", start.observation.parameters, start.values)
+        weights |= {f"{name} at the start": weight for name, weight in start.weights.items()}
     regularisable = (*system.states, *system.controls)
     _require_known("the objective regularises unknown states or controls", objective.regularisation, regularisable)
-    for name, weight in {"time": objective.time, **objective.terminal, **objective.regularisation}.items():
+    for name, weight in weights.items():
         if not math.isfinite(weight):
             raise ValueError(f"the objective weighs {name} by {weight}")
     for name, weight in objective.regularisation.items():

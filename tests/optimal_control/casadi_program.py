@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from airrace.optimal_control.assembly import Assembly, Calls, FinalCost
+from airrace.optimal_control.assembly import Assembly, Calls, EndCost
 from airrace.optimal_control.casadi_nlp import NlpExpressions, sum_of, take_columns
 from airrace.optimal_control.kernels import Kernels, Part
 from airrace.optimal_control.layout import Layout
@@ -85,27 +85,27 @@ class _Transcription(NlpExpressions):
     def _objective(self) -> tuple[ca.MX, ca.MX]:
         """Return f and its gradient."""
         gradient = ca.MX(ca.DM(self.assembly.linear))
-        if self.assembly.final is not None:
-            gradient += self._final(self.assembly.final)
+        for cost in self.assembly.end_costs:
+            gradient += self._at_end(cost)
         if self.assembly.penalty is not None:
             gradient += ca.gradient(self.regularisation(self.assembly.penalty), self.w)
         return self.objective(), gradient
 
-    def _final(self, final: FinalCost) -> ca.MX:
-        """Return the gradient of the cost of the final state in the unknowns, shape (n_w,)."""
-        y, own, weights = self.final_arguments(final)
-        slope = final.kernel.hessian(y, own, _NOTHING, weights)[0]
+    def _at_end(self, cost: EndCost) -> ca.MX:
+        """Return the gradient of the cost of the state at one end in the unknowns, shape (n_w,)."""
+        y, own, weights = self.arguments_at_end(cost)
+        slope = cost.kernel.hessian(y, own, _NOTHING, weights)[0]
         layout = self.assembly.layout
-        places = final.inputs.tolist()
+        places = cost.inputs.tolist()
         at_the_end = ca.MX(ca.Sparsity(layout.unknowns, 1, [0, len(places)], places), ca.densify(slope))
         scaled = at_the_end * ca.DM(layout.scale)
         return ca.densify(scaled)
 
     def _hessian(self, drawn: list[ca.MX]) -> ca.MX:
-        final, penalty = self.assembly.final, self.assembly.penalty
-        if final is not None:
-            y, own, weights = self.final_arguments(final)
-            curvature = final.kernel.hessian(y, own, _NOTHING, self.lam_f * weights)[1]
+        penalty = self.assembly.penalty
+        for cost in self.assembly.end_costs:
+            y, own, weights = self.arguments_at_end(cost)
+            curvature = cost.kernel.hessian(y, own, _NOTHING, self.lam_f * weights)[1]
             drawn = [*drawn, ca.vec(curvature.nz[:])]
         if penalty is not None:
             share = self.lam_f * ca.repmat(self.p[penalty.fractions.tolist()].T, len(penalty.weights), 1)

@@ -7,7 +7,16 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Phase, Problem, uniform
+from airrace.optimal_control.problem import (
+    Boundary,
+    Iterate,
+    Objective,
+    PathConstraint,
+    Phase,
+    Problem,
+    StartCost,
+    uniform,
+)
 from airrace.optimal_control.quantities import Interval, Quantity
 from airrace.optimal_control.system import Observation, System
 
@@ -92,7 +101,7 @@ def staged_problem() -> Problem:
 
 
 def ended_problem() -> Problem:
-    """The rich problem with jumps and with a cost of the final state that is curved in all of it."""
+    """The rich problem with jumps and with costs of the states at both ends that are curved in all of them."""
     x, b = ca.SX.sym("x", 3), ca.SX.sym("b", 1)
     values = ca.vertcat(ca.exp(0.3 * x[0]) * x[1] - b * x[2] ** 2, ca.sin(x[0] * x[2]))
     quantities = (Quantity("effort", "1", 4.0), Quantity("swing", "1"), Quantity("idle", "1"))
@@ -100,7 +109,9 @@ def ended_problem() -> Problem:
     ending = Observation("ending", quantities, (Quantity("b", "1"),), seen)
     problem = staged_problem()
     terminal = {**problem.objective.terminal, "effort": 0.6, "swing": -0.4}
-    return replace(problem, objective=replace(problem.objective, terminal=terminal, observation=ending, values=(0.7,)))
+    start = StartCost({"effort": -0.5, "idle": 0.2}, ending, (0.4,))
+    objective = replace(problem.objective, terminal=terminal, observation=ending, values=(0.7,), start=start)
+    return replace(problem, objective=objective)
 
 
 def _modest(states: int, controls: int, path: int) -> Problem:

@@ -160,11 +160,11 @@ class SolveServer:
             )
             for sample in layout.output_samples
         ]
-        final = problem.objective.observation
-        cost = (
-            replace(problem.objective, observation=None, values=()),
-            None if final is None else (self._number(final.values), _scales(final.quantities)),
-        )
+        objective, at_start = problem.objective, problem.objective.start
+        observed = (objective.observation, None if at_start is None else at_start.observation)
+        ends = [end and (self._number(end.values), _scales(end.quantities)) for end in observed]
+        weights = None if at_start is None else at_start.weights
+        cost = replace(objective, observation=None, values=(), start=None), weights, ends
         system = problem.system
         quantities = [_scales(group) for group in (system.states, system.controls, system.path)]
         parts = (self._equations(system), quantities, problem.scheme, cost, problem.time_scale)
