@@ -80,6 +80,14 @@ Guess = Annotated[
 Search = Annotated[
     str | SearchEffort | None, Option("How much is tried to find the fastest route; the settings say quick by default.")
 ]
+Gap = Annotated[
+    float | None,
+    Option(
+        "Share of the race time by which the fastest flight of all may be faster, which a thorough search tells; it "
+        "ends once the share is below this. The settings say 0.01 by default.",
+        "SHARE",
+    ),
+]
 Alternatives = Annotated[
     int | None,
     Option(

@@ -28,6 +28,7 @@ def optimize(
     settings: options.Settings = None,
     guess: options.Guess = None,
     search: options.Search = None,
+    gap: options.Gap = None,
     alternatives: options.Alternatives = None,
     mesh_check: options.MeshChecked = None,
     until: options.Until = None,
@@ -92,6 +93,7 @@ def optimize(
         [*value_texts(set), *chosen_texts("rules.reserve", probability=reserve)],
         guess=guess,
         search=search,
+        gap=gap,
         alternatives=alternatives,
         mesh_check=mesh_check,
     )

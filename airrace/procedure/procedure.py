@@ -53,7 +53,7 @@ from airrace.procedure.recomputation import recertify, recompute
 from airrace.procedure.restart import SourceRun, start_from
 from airrace.procedure.result import Note, NoteKind, Progress, PylonCondition, SearchReport, StageResult, Status
 from airrace.procedure.schedule import Schedule, checks_mesh, schedule, stages_of_run
-from airrace.procedure.settings import Settings
+from airrace.procedure.settings import SearchEffort, Settings
 from airrace.procedure.single_mesh import solve_roughly, solve_single_mesh
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES, Stage
@@ -338,6 +338,7 @@ def _search_and_solve(
         _search_starts(models, session, budget, first_solutions, homotopy),
         settings.alternatives or 1,
         solved=(first_solutions and first_solutions.plans) or (),
+        gap=settings.gap if settings.search is SearchEffort.THOROUGH else None,
     )
     best = routes.search_report(0)
     # All routes that may be the fastest are solved; further ones, one by one, until one is as fast as was expected.

@@ -220,6 +220,49 @@ class Route:
 
 
 @dataclass(frozen=True)
+class BoundedWindow:
+    """A stretch of a race whose least priced time is part of a lower bound.
+
+    Attributes:
+        text: the gates at which it begins and ends.
+        legs: its number of legs.
+        slack: by how much its least priced time is shorter than that of the best flight there, s.
+    """
+
+    text: str
+    legs: int
+    slack: float
+
+
+@dataclass(frozen=True)
+class LowerBound:
+    """A lower bound of the race time, as far as its windows were solved globally by a local method from several starts.
+
+    Attributes:
+        seconds: no flight is faster, s, on the mesh on which routes are compared.
+        race_time: of the best flight on that mesh, s.
+        legs_max: largest number of legs of a window, from one gate that stands to the next.
+        starts: number of starts from which each window was solved at the final prices.
+        solves: number of all solves of windows and of joined flights.
+        unsolved: number of those that led to no flight.
+        windows: end to end, they make up the race.
+    """
+
+    seconds: float
+    race_time: float
+    legs_max: int
+    starts: int
+    solves: int
+    unsolved: int
+    windows: tuple[BoundedWindow, ...]
+
+    @property
+    def gap(self) -> float:
+        """By what share of its race time the best flight could be slower than the fastest (1)."""
+        return max(0.0, 1.0 - self.seconds / self.race_time)
+
+
+@dataclass(frozen=True)
 class SearchReport:
     """The routes that the search evaluated before a race was optimised.
 
@@ -230,6 +273,7 @@ class SearchReport:
         failed: number that did not converge.
         seconds: duration of the search, s.
         loops: needless loops that the best still flies, a sentence each.
+        bound: below which no race time is; None where it was not sought.
     """
 
     routes: tuple[Route, ...] = ()
@@ -238,6 +282,7 @@ class SearchReport:
     failed: int = 0
     seconds: float = 0.0
     loops: tuple[str, ...] = ()
+    bound: LowerBound | None = None
 
     @property
     def refined(self) -> bool:

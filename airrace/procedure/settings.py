@@ -101,6 +101,7 @@ class CertificateLimits:
 class Settings:
     """The settings of a run.
 
+    `gap` is the share of the race time within which a thorough search seeks a lower bound of it;
     `alternatives` is how many of the best routes are taken through all stages, None for the best one and one more if
     that is hardly slower; `regularisation` weighs the integrals of squared, scaled control rates and of flight upside
     down against seconds of race time; `mesh_check` is which stages of a run are solved on a second mesh as well.
@@ -108,6 +109,7 @@ class Settings:
 
     guess: GuessKind = GuessKind.HOMOTOPY
     search: SearchEffort = SearchEffort.QUICK
+    gap: float = 0.01
     alternatives: int | None = None
     mesh_check: MeshCheck = MeshCheck.LAST
     regularisation: float = 1e-3

@@ -83,7 +83,7 @@ def read_inputs(
     aircraft: AircraftGiven | None = None,
     settings: SettingsGiven | None = None,
     set: Values = (),
-    **chosen: str | GuessKind | SearchEffort | MeshCheck | int | None,
+    **chosen: str | GuessKind | SearchEffort | MeshCheck | float | None,
 ) -> Inputs:
     """Return what is given for a race, as objects.
 

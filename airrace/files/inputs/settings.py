@@ -101,6 +101,9 @@ class SettingsEntry(Schema):
         "whether the race is solved phase by phase first, as one of the starts, or the plan is the guess"
     )
     search: Literal["off", "quick", "thorough"] | None = optional("how much is tried to find the fastest route")
+    gap: Annotated[float, Ge(0), Le(1)] | None = optional(
+        "share of the race time within which a thorough search seeks a lower bound of it"
+    )
     alternatives: Annotated[int, Ge(1), Le(20)] | None = optional(
         "how many of the best routes are taken through all stages; else the best and one hardly slower"
     )
@@ -123,7 +126,7 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
     choices = {"guess": GuessKind, "search": SearchEffort, "mesh_check": MeshCheck}
     return Settings(
         **{name: kind(arguments[name]) for name, kind in choices.items() if name in arguments},
-        **{name: arguments[name] for name in ("alternatives", "regularisation") if name in arguments},
+        **{name: arguments[name] for name in ("gap", "alternatives", "regularisation") if name in arguments},
         mesh=MeshSettings(**entry.mesh.arguments()),
         solver=SolverSettings(**entry.solver.arguments()),
         certificate=entry.certificate.build(reporter),

@@ -27,6 +27,8 @@ from airrace.procedure.multistart.coarse_solution import (
     on_other_mesh,
     solve_coarse,
 )
+from airrace.procedure.multistart.lower_bound import PriceSearch
+from airrace.procedure.multistart.plans import own_plans
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search, SearchBudget, SearchResult, planned_starts
 from airrace.procedure.multistart.segments import (
     Segment,
@@ -54,6 +56,8 @@ by 20 ms, on one of 0.15 s by 2 ms."""
 NEAR_LAG = 0.1
 """Largest lag with which the rolls of a flight are tried the other way, and with which it is refined and certified
 before one is chosen, s. Race times on the mesh of the comparison err by 50 to 90 ms."""
+PRICED_FLIGHTS_MAX = 5
+"""The largest number of flights on different routes from which windows between priced gates are solved."""
 ROUTES_MAX = 40
 """Number of routes that are reported."""
 NEEDLESS_TURN = math.radians(150.0)
@@ -88,6 +92,7 @@ def search_routes(
     alternatives: int = 1,
     *,
     solved: Sequence[CoarseSolution | None] = (),
+    gap: float | None = None,
 ) -> FoundRoutes:
     """Look for the fastest route.
 
@@ -99,6 +104,7 @@ def search_routes(
         starts: flights to begin with; None for the plans of the budget.
         alternatives: least number of flights.
         solved: solutions from further starts.
+        gap: the share of the race time within which a lower bound is sought, and faster routes with it; None for none.
     """
     began = time.perf_counter()
 
@@ -113,14 +119,19 @@ def search_routes(
             report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
         compared = _distinct(_refine(pool, session, fastest), course)
         compared = _distinct(_with_best_rolls(search, compared), course)
-        result = search.result()
+        result, bound = search.result(), None
+        if gap is not None and compared:
+            others = [*_distinct(result.flights, course, PRICED_FLIGHTS_MAX), *own_plans(stage_problem)]
+            prices = PriceSearch(compared[0], others, course, pool, report_progress)
+            bound = prices.run(gap)
+            compared = _distinct(_refine(pool, session, [*prices.faster, *compared]), course)
     seconds = time.perf_counter() - began
 
     def search_report(number: int) -> SearchReport:
         if not compared:
             return SearchReport((), 0, 0, result.failed, seconds, ())
         pace = budget.planning_radius.scale(stage_problem.plan.cruise)
-        return _report(result, compared[number], course, pace, seconds)
+        return replace(_report(result, compared[number], course, pace, seconds), bound=bound)
 
     barrier = InitialBarrier.COARSE
     routes = tuple(

@@ -27,6 +27,12 @@ def plans_to_search(stage_problem: StageProblem, settings: MeshSettings, budget:
     return [*starts, *planned_starts(stage_problem, course, budget)]
 
 
+def own_plans(stage_problem: StageProblem) -> list[InitialGuess]:
+    """Return the race's own plan, and the one that decides ties the other way, on the meshes of coarse solutions."""
+    routes = [stage_problem.plan, plan(stage_problem.course, stage_problem.plan.cruise, MIRRORED_TIES)]
+    return [planned_guess(stage_problem, route, InitialBarrier.COLD) for route in routes]
+
+
 def plans_with_room(stage_problem: StageProblem, budget: SearchBudget) -> list[InitialGuess]:
     """Return plans with room of the race's own radius and those of the budget."""
     course, starts = stage_problem.course, list[InitialGuess]()

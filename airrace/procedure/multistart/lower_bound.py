@@ -1,0 +1,321 @@
+"""A lower bound of the race time, and the faster routes that it points to.
+
+A race is cut at some of the gates that stand into windows of at most three legs from one such gate to the next. With
+prices of the state at these gates (`gate_prices`) the least priced times of the windows add up to a lower bound of every
+race time. The best prices are found by cutting planes: every known flight through a window limits from above how high
+its least priced time can be, so a linear program proposes prices, the windows are solved at these, and their flights
+are new cuts. Where the bound stays below the race time, the multipliers of the program tell which flights it would
+combine; they are joined and solved as a whole.
+
+The windows are solved by a local method from several starts. So the bound is as good as these: a flight that none of
+them leads to is not in it.
+"""
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from airrace.model.track.course import Course
+from airrace.optimal_control.solvers.service import SolverPool, SolverService
+from airrace.procedure.guess import concatenate
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.gate_prices import GatePrice
+from airrace.procedure.multistart.priced_window import (
+    PricedWindow,
+    RaceGuess,
+    Window,
+    WindowFlight,
+    WindowGuess,
+    rolled_guesses,
+)
+from airrace.procedure.planning.plan import decisions_from_solution, plan
+from airrace.procedure.result import BoundedWindow, LowerBound
+from airrace.procedure.warm_start import InitialBarrier
+
+LEGS_MAX = 3
+"""The largest number of legs of a window, from one gate that stands to the next."""
+STEPS_MAX = 15
+"""The number of proposals of prices before the windows are solved from all starts again."""
+ROUNDS_MAX = 8
+"""The number of times that the windows are solved from all starts."""
+RADIUS, RADIUS_MIN, RADIUS_MAX = 0.05, 0.001, 0.5
+"""How far weights may move at a time (s): at first, at least and at most."""
+ASCENT_SHARE = 0.1
+"""The share of the rise that a proposal promises by which the bound must rise (1)."""
+SETTLED = 0.001
+"""The share of the race time by which a round must change the bound for another one (1)."""
+SAVED_MIN = 0.003
+"""The time that joined flights must save for another round, s."""
+NEAREST = 2
+"""Number of known flights from which a window is solved at proposed prices."""
+APART, ALIKE = 0.3, 1e-3
+"""Features differ by this much between flights of which both are worth a start, and by this little in copies (1)."""
+
+
+@dataclass(eq=False)
+class _Prices:
+    """The prices at all gates between windows, by passage."""
+
+    at: dict[int, GatePrice]
+
+    def window(self, window: Window) -> PricedWindow:
+        return PricedWindow(window, self.at.get(window[0]), self.at.get(window[1]))
+
+    def moved(self, gates: Sequence[int], weights: np.ndarray) -> "_Prices":
+        """Return the prices with other weights at some gates, one row for each."""
+        changed = {gate: replace(self.at[gate], weights=row) for gate, row in zip(gates, weights, strict=True)}
+        return _Prices({**self.at, **changed})
+
+
+@dataclass(frozen=True, eq=False)
+class _Proposal:
+    """Prices, the bound if no window had other flights than those known, and what each of these has a share in it."""
+
+    prices: _Prices
+    bound: float
+    shares: dict[Window, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """The solution of a linear program: its unknowns, the multipliers of its rows (not negative), what it minimised."""
+
+    values: np.ndarray
+    multipliers: np.ndarray
+    objective: float
+
+
+def _linear_program(
+    cost: np.ndarray, rows: np.ndarray, upper: np.ndarray, box: Sequence[tuple[float | None, float | None]]
+) -> _Solution:
+    linprog: Any = importlib.import_module("scipy.optimize").linprog  # Any: untyped in scipy, which takes 0.3 s to load
+    solution: Any = linprog(cost, rows, upper, bounds=box, method="highs")
+    return _Solution(np.array(solution.x), -np.array(solution.ineqlin.marginals), float(solution.fun))
+
+
+class PriceSearch:
+    """A search for the best prices around a flight, and for faster flights.
+
+    Args:
+        best: the flight.
+        others: flights and plans on other routes.
+        course: that they fly.
+        pool: what solves.
+        report: takes what is being done, in words.
+    """
+
+    def __init__(
+        self,
+        best: CoarseSolution,
+        others: Sequence[CoarseSolution | InitialGuess],
+        course: Course,
+        pool: SolverPool,
+        report: Callable[[str], None],
+    ) -> None:
+        self.best = best
+        self._course, self._pool, self._report = course, pool, report
+        passages, ends = course.passages, (0, len(course.passages) - 1)
+        self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
+        self._guesses = [RaceGuess.of(other) for other in others]
+        self._flights: dict[Window, list[WindowFlight]] = {}
+        self.faster: list[CoarseSolution] = []
+        self._solves, self._unsolved = 0, 0
+        states, nodes = best.problem.system.states, best.problem.first_node
+        self._prices = _Prices(
+            {
+                gate: GatePrice.from_costate(
+                    states, best.iterate.state[:, nodes[gate]], best.costates[:, nodes[gate] - 1]
+                )
+                for gate in self._gates[1:-1]
+            }
+        )
+        self._take(best)
+
+    def run(self, gap: float) -> LowerBound:
+        """Raise the bound until it is within a gap of the race time (1), or rises no more; return it.
+
+        `best` is a faster flight then, if there is any among the flights that the windows lead to.
+        """
+        cover = self._choose_cover()
+        radius, previous = RADIUS, -np.inf
+        for _ in range(ROUNDS_MAX):
+            radius = self._ascend(cover, radius)
+            self._solve_all(cover, self._prices, self._all_guesses)
+            bound = self._bound(cover, self._prices)
+            self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
+            if self._fly_faster(cover):
+                previous = -np.inf
+                continue
+            if bound >= (1.0 - gap) * self.best.race_time or bound < previous + SETTLED * self.best.race_time:
+                break
+            previous, radius = bound, max(radius, RADIUS)
+        return self._result(cover)
+
+    # the flights of the windows
+
+    def _take(self, flight: CoarseSolution) -> None:
+        """Take the pieces of a whole flight as flights of all windows."""
+        race, times = RaceGuess.of(flight), flight.iterate.durations + flight.error_penalty
+        self._guesses.insert(0, race)
+        for window in self._windows():
+            guess, seconds = race.within(window), float(times[window[0] : window[1]].sum())
+            own = self._prices.window(window).flight(guess, guess.iterate, seconds)
+            self._flights.setdefault(window, []).insert(0, own)
+
+    def _windows(self) -> list[Window]:
+        windows: list[Window] = []
+        for number, first in enumerate(self._gates):
+            windows += [(first, last) for last in self._gates[number + 1 : number + 1 + LEGS_MAX]]
+        return windows
+
+    def _own_guesses(self, priced: PricedWindow) -> list[WindowGuess]:
+        own = self._guesses[0].within(priced.window)
+        return [own, replace(own, barrier=InitialBarrier.COLD)]
+
+    def _all_guesses(self, priced: PricedWindow) -> list[WindowGuess]:
+        own, cold = self._own_guesses(priced)
+        return [own, cold, *rolled_guesses(own), *(race.within(priced.window) for race in self._guesses[1:])]
+
+    def _nearest(self, priced: PricedWindow) -> list[WindowGuess]:
+        """Return the known flights of least priced time that differ from one another."""
+        chosen: list[WindowFlight] = []
+        for flight in sorted(self._flights[priced.window], key=priced.time_of):
+            if len(chosen) < NEAREST and not any(flight.resembles(other, APART) for other in chosen):
+                chosen.append(flight)
+        return [flight.guess for flight in chosen]
+
+    def _solve_all(
+        self, windows: Sequence[Window], prices: _Prices, guesses: Callable[[PricedWindow], list[WindowGuess]]
+    ) -> bool:
+        """Solve windows at some prices, keep their flights; return whether every window has led to one."""
+        jobs = [(priced, guess) for priced in map(prices.window, windows) for guess in guesses(priced)]
+        solved = dict.fromkeys(windows, 0)
+        for (priced, _), flight in zip(jobs, self._pool.work(jobs, _solve), strict=True):
+            if flight is None:
+                continue
+            solved[priced.window] += 1
+            known = self._flights[priced.window]
+            if not any(flight.resembles(other, ALIKE) for other in known):
+                known.append(flight)
+        self._solves += len(jobs)
+        self._unsolved += len(jobs) - sum(solved.values())
+        return all(solved.values())
+
+    def _least(self, priced: PricedWindow) -> float:
+        return min(map(priced.time_of, self._flights[priced.window]))
+
+    def _bound(self, cover: Sequence[Window], prices: _Prices) -> float:
+        return sum(self._least(prices.window(window)) for window in cover)
+
+    # the prices
+
+    def _choose_cover(self) -> list[Window]:
+        """Return the windows, end to end, whose least priced times add up to the most."""
+        self._report("windows between gates")
+        self._solve_all(self._windows(), self._prices, self._own_guesses)
+        best: dict[int, tuple[float, list[Window]]] = {0: (0.0, [])}
+        for last in self._gates[1:]:
+            choices: list[tuple[float, list[Window]]] = []
+            for window in self._windows():
+                if window[1] == last:
+                    before, windows = best[window[0]]
+                    choices.append((before + self._least(self._prices.window(window)), [*windows, window]))
+            best[last] = max(choices, key=lambda choice: choice[0])
+        return best[self._gates[-1]][1]
+
+    def _ascend(self, cover: Sequence[Window], radius: float) -> float:
+        """Raise the bound by better prices; return how far weights may move at a time in the end, s."""
+        bound = self._bound(cover, self._prices)
+        for _ in range(STEPS_MAX):
+            proposal = self._propose(cover, radius)
+            complete = self._solve_all(cover, proposal.prices, self._nearest)
+            reached, bound = self._bound(cover, proposal.prices), self._bound(cover, self._prices)
+            if complete and reached > bound + ASCENT_SHARE * (proposal.bound - bound):
+                self._prices, bound, radius = proposal.prices, reached, min(1.5 * radius, RADIUS_MAX)
+            elif not complete or reached < bound:
+                radius *= 0.6
+            if radius < RADIUS_MIN or bound >= (1.0 - SETTLED) * self.best.race_time:
+                break
+        return radius
+
+    def _propose(self, cover: Sequence[Window], radius: float) -> _Proposal:
+        """Return the prices within a radius with the highest bound, as far as known flights tell: a linear program.
+
+        Its unknowns are the weights at every gate between windows, and the least priced time t of every window:
+        t <= duration + weights . features at the end - weights . features at the start, for each flight of it.
+        """
+        gates = [first for first, _ in cover[1:]]
+        centre = np.concatenate([self._prices.at[gate].weights for gate in gates]) if gates else np.zeros(0)
+        count = len(centre) // max(len(gates), 1)
+        begin = {gate: number * count for number, gate in enumerate(gates)}
+        rows: list[np.ndarray] = []
+        seconds: list[float] = []
+        for number, (first, last) in enumerate(cover):
+            for flight in self._flights[first, last]:
+                row = np.zeros(len(centre) + len(cover))
+                row[len(centre) + number] = 1.0
+                if first in begin:
+                    row[begin[first] : begin[first] + count] += flight.at_start
+                if last in begin:
+                    row[begin[last] : begin[last] + count] -= flight.at_end
+                rows.append(row)
+                seconds.append(flight.seconds)
+        cost = np.concatenate([np.zeros(len(centre)), -np.ones(len(cover))])
+        box = [*((weight - radius, weight + radius) for weight in centre), *([(None, None)] * len(cover))]
+        solution = _linear_program(cost, np.array(rows), np.array(seconds), box)
+        weights = solution.values[: len(centre)].reshape(len(gates), count)
+        ends = np.cumsum([len(self._flights[window]) for window in cover])[:-1]
+        shares = dict(zip(cover, np.split(solution.multipliers, ends), strict=True))
+        return _Proposal(self._prices.moved(gates, weights), -solution.objective, shares)
+
+    # faster flights
+
+    def _fly_faster(self, cover: Sequence[Window]) -> bool:
+        """Join the flights that the prices would combine and solve them as a whole; return whether one is faster."""
+        shares = self._propose(cover, RADIUS_MAX).shares
+        own = [self._flights[window][0] for window in cover]
+        combinations = [[self._flights[window][int(np.argmax(shares[window]))] for window in cover]]
+        for number, window in enumerate(cover):
+            flight = min(self._flights[window], key=self._prices.window(window).time_of)
+            combinations.append([*own[:number], flight, *own[number + 1 :]])
+        changed = [flights for flights in combinations if any(a is not b for a, b in zip(flights, own, strict=True))]
+        jobs = [list(zip(cover, flights, strict=True)) for flights in changed]
+        outcomes = self._pool.work(jobs, self._join)
+        self._solves += len(jobs)
+        faster = min((flight for flight in outcomes if flight), key=lambda flight: flight.race_time, default=self.best)
+        if faster.race_time > self.best.race_time - SAVED_MIN:
+            return False
+        self.best = faster
+        self.faster.insert(0, faster)
+        self._take(faster)
+        return True
+
+    def _join(self, service: SolverService, flights: Sequence[tuple[Window, WindowFlight]]) -> CoarseSolution | None:
+        """Solve the whole race from flights of all windows, end to end."""
+        mesh = [fractions for (first, last), flight in flights for fractions in flight.race.mesh[first:last]]
+        guess, base = concatenate([flight.iterate for _, flight in flights]), self.best.stage_problem
+        nodes = np.cumsum([0, *(len(fractions) for fractions in mesh)]).tolist()
+        decisions = decisions_from_solution(self._course, self.best.problem.system.states, guess.state, nodes)
+        planned = replace(base, plan=plan(self._course, base.plan.cruise, decisions))
+        return solve_coarse(service, InitialGuess(planned, mesh, guess, InitialBarrier.COARSE))
+
+    def _result(self, cover: Sequence[Window]) -> LowerBound:
+        names = [passage.name for passage in self._course.passages]
+        windows: list[BoundedWindow] = []
+        for first, last in cover:
+            priced, flights = self._prices.window((first, last)), self._flights[first, last]
+            slack = priced.time_of(flights[0]) - self._least(priced)
+            legs = self._gates.index(last) - self._gates.index(first)
+            windows.append(BoundedWindow(f"{names[first]} -> {names[last]}", legs, slack))
+        starts = len(self._all_guesses(self._prices.window(cover[0])))
+        bound = min(self._bound(cover, self._prices), self.best.race_time)
+        counts = LEGS_MAX, starts, self._solves, self._unsolved
+        return LowerBound(bound, self.best.race_time, *counts, tuple(windows))
+
+
+def _solve(service: SolverService, job: tuple[PricedWindow, WindowGuess]) -> WindowFlight | None:
+    priced, guess = job
+    return priced.solve(service, guess)
