@@ -29,6 +29,7 @@ from airrace.flights.results.flight_facts import sustained_loads
 from airrace.model.track.course import ClearanceRule
 from airrace.pages.views.plain_text import one_line
 from airrace.pages.views.stage_tables import (
+    bound_text,
     claim,
     limits_table,
     search_table,
@@ -260,6 +261,8 @@ def _remarks(stored: StoredStages) -> Iterator[str]:
         yield from _flight_remarks(stored.flight)
     for result in stored.results:
         yield from (f"a needless loop: {loop}" for loop in result.search.loops)
+        if result.search.bound is not None:
+            yield bound_text(result.search.bound)
 
 
 def _flight_remarks(flight: Flight) -> Iterator[str]:

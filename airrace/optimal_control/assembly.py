@@ -282,8 +282,8 @@ class Assembly:
     def hessian(self) -> SparseAssembly:
         """The Hessian of the Lagrangian, both triangles.
 
-        Its sources are the nonzeros of all kernels' Hessians, those of the costs' at the ends, and the penalty's two blocks,
-        in w w and in w T, each of shape (N, n).
+        Its sources are the nonzeros of all kernels' Hessians, those of the costs' at the ends, and the penalty's two
+        blocks, in w w and in w T, each of shape (N, n).
         """
         return self.hessian_of(np.arange(self._stages))
 
@@ -328,8 +328,9 @@ class Assembly:
             rows: whether it counts which constraints there are, as it does for the Jacobian.
         """
         layout = self.layout
-        keys: list[Indices] = [layout.stage_states, layout.stage_controls, np.arange(self._stages) == layout.intervals]
-        keys += [np.arange(self._stages) == cost.stage for cost in self.end_costs]
+        ends = [np.arange(self._stages) == layout.intervals]
+        ends += [np.arange(self._stages) == cost.stage for cost in self.end_costs]
+        keys: list[Indices] = [layout.stage_states, layout.stage_controls, *ends]
         begins = np.append(layout.gap_index[:, 0], 0)
         for calls in self.calls:
             key = np.zeros(self._stages, dtype=np.int64)

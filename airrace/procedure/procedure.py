@@ -46,7 +46,7 @@ from airrace.procedure.mesh_loop import Failure, MeshStrategy, solve_certified, 
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.multistart import search_routes
 from airrace.procedure.multistart.plans import plans_to_search, plans_with_room, replanned_with_room
-from airrace.procedure.multistart.search import BUDGETS, SearchBudget
+from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.planning.plan import plan_race
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.recomputation import recertify, recompute
@@ -256,12 +256,12 @@ def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, sea
 
     With `searches` the point mass follows, which searches for routes.
     """
-    relaxed, budget = _relaxed_race(models, session), BUDGETS.get(session.settings.search)
-    if budget is None or not searches:
+    relaxed = _relaxed_race(models, session)
+    if session.settings.search is SearchEffort.OFF or not searches:
         return FirstSolutions(_solve_homotopy(models, relaxed, session), relaxed)
     jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]] = []
     jobs.append(functools.partial(_solve_homotopy, models, relaxed))
-    starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)
+    starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, QUICK)
     jobs += [functools.partial(_solve_plan, start) for start in starts]
     homotopy, *plans = session.side_by_side(jobs)
     assert isinstance(homotopy, HomotopyOutcome)
@@ -315,7 +315,7 @@ def _search_and_solve(
     relaxed: RelaxedRace,
 ) -> StageResult:
     """Solve from what the search found, then from the homotopy and the plan, the one that the user prefers first."""
-    settings, budget = session.settings, BUDGETS.get(session.settings.search)
+    settings = session.settings
 
     @functools.cache
     def homotopy() -> HomotopyOutcome:  # where the plan is the guess it is solved only where it is asked for
@@ -327,15 +327,15 @@ def _search_and_solve(
     starts = _first_starts(models, session, first_solutions, homotopy, replanned, relaxed)
     locally_infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
     plans_fail = first_solutions is None or not any(first_solutions.plans or ())
-    if budget is None or (locally_infeasible and plans_fail and replanned is None):
+    if settings.search is SearchEffort.OFF or (locally_infeasible and plans_fail and replanned is None):
         return solve_from_starts(session, starts, strategy)
 
     routes = search_routes(
         models.problem(Stage.POINT_MASS),
         models.race.course,
         session,
-        budget,
-        _search_starts(models, session, budget, first_solutions, homotopy),
+        QUICK,
+        _search_starts(models, session, first_solutions),
         settings.alternatives or 1,
         solved=(first_solutions and first_solutions.plans) or (),
         gap=settings.gap if settings.search is SearchEffort.THOROUGH else None,
@@ -365,24 +365,19 @@ def _search_and_solve(
 
 
 def _search_starts(
-    models: StageModels,
-    session: SolverSession,
-    budget: SearchBudget,
-    first_solutions: FirstSolutions | None,
-    homotopy: Callable[[], HomotopyOutcome],
+    models: StageModels, session: SolverSession, first_solutions: FirstSolutions | None
 ) -> list[InitialGuess]:
     """Return the starts of a search, those of a run without a search among them, so that none is lost by it."""
     stage_problem, starts = models.problem(Stage.POINT_MASS), list[InitialGuess]()
-    infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
-    if not infeasible and (budget.homotopy or first_solutions is not None):
-        pieces = homotopy().result
+    if first_solutions is not None and first_solutions.homotopy.infeasibility is None:
+        pieces = first_solutions.homotopy.result
         if pieces.outcome is Status.SOLVED:
             mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
             starts.append(InitialGuess(stage_problem, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
     plans = None if first_solutions is None else first_solutions.plans
     if plans is None:
-        return [*starts, *plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, budget)]
-    return starts if any(plans) else [*starts, *plans_with_room(models.problem(Stage.POINT_MASS), budget)]
+        return [*starts, *plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, QUICK)]
+    return starts if any(plans) else [*starts, *plans_with_room(models.problem(Stage.POINT_MASS), QUICK)]
 
 
 def _first_starts(

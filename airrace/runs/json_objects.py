@@ -31,8 +31,8 @@ from airrace.pages.views.comparison_tables import (
     recorded_sectors,
     sectors_table,
 )
-from airrace.pages.views.stage_tables import certificate_table
-from airrace.procedure.result import GateSplit, SearchReport, StageResult, SuggestedChange
+from airrace.pages.views.stage_tables import bound_text, certificate_table
+from airrace.procedure.result import GateSplit, LowerBound, SearchReport, StageResult, SuggestedChange
 
 REASONS: Mapping[RefinementReason, str] = {
     RefinementReason.FIRST: "first mesh",
@@ -128,6 +128,24 @@ def search_object(explored: SearchReport) -> dict[str, object]:
         "converged_elsewhere": explored.converged_elsewhere,
         "failed": explored.failed,
         "loops": list(explored.loops),
+        "bound": None if explored.bound is None else bound_object(explored.bound),
+    }
+
+
+def bound_object(bound: LowerBound) -> dict[str, object]:
+    """Return how much faster a flight could be, with the windows whose least priced times say so."""
+    return {
+        "seconds_s": finite(bound.seconds),
+        "race_time_s": finite(bound.race_time),
+        "gap": finite(bound.gap),
+        "legs_max": bound.legs_max,
+        "starts": bound.starts,
+        "solves": bound.solves,
+        "unsolved": bound.unsolved,
+        "windows": [
+            {"text": window.text, "legs": window.legs, "slack_s": finite(window.slack)} for window in bound.windows
+        ],
+        "text": bound_text(bound),
     }
 
 

@@ -275,7 +275,7 @@ def test_objective_is_time_terminal_values_and_regularisation() -> None:
     assert float(program.nlp(layout.pack(iterate), layout.parameter_values())[0]) == pytest.approx(expected, abs=1e-13)
 
 
-def test_objective_takes_what_is_observed_of_the_final_state() -> None:
+def test_objective_takes_what_is_observed_of_the_states_at_both_ends() -> None:
     problem = ended_problem()
     layout, program = program_of(problem)
     iterate = random_iterate(problem, seed=6)
@@ -284,7 +284,9 @@ def test_objective_takes_what_is_observed_of_the_final_state() -> None:
     plain, same = program_of(staged_problem())
     without = float(same.nlp(plain.pack(iterate), plain.parameter_values())[0])
     effort, swing = np.exp(0.3 * a) * b - 0.7 * c**2, np.sin(a * c)
-    assert float(program.nlp(w, p)[0]) == pytest.approx(without + 0.6 * effort - 0.4 * swing, abs=1e-13)
+    start, middle, last = iterate.state[:, 0]
+    at_start = -0.5 * (np.exp(0.3 * start) * middle - 0.4 * last**2) + 0.2 * middle
+    assert float(program.nlp(w, p)[0]) == pytest.approx(without + 0.6 * effort - 0.4 * swing + at_start, abs=1e-13)
 
 
 RICH, ENDED = rich_problem(), ended_problem()

@@ -12,7 +12,7 @@ from airrace.optimal_control.quantities import KNOT
 from airrace.pages.report.sensitivity_tables import sensitivities_table
 from airrace.pages.views.log_tables import penalties_text, violations_table
 from airrace.pages.views.plain_text import escape_html
-from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
+from airrace.pages.views.stage_tables import LIMITS_OF_CLAIM, bound_text, certificate_table, search_table
 from airrace.pages.views.tables import Column, Table
 from airrace.procedure.result import StageResult
 
@@ -81,7 +81,10 @@ def search_section(result: StageResult) -> str:
     mesh = "Race times are those of the point mass on a rough mesh; the first route was then optimised in full."
     if search.refined:
         mesh = f"Race times are those of optima of the {result.stage.value}."
-    return table_section(search_table(search, "Routes that were tried", notes=[mesh, *search.loops]))
+    notes = [mesh, *search.loops]
+    if search.bound is not None:
+        notes.append(f"{capitalise(bound_text(search.bound))}.")
+    return table_section(search_table(search, "Routes that were tried", notes=notes))
 
 
 def sensitivities_section(sensitivities: Mapping[str, Sensitivity] | None) -> str:

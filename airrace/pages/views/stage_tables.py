@@ -10,7 +10,16 @@ from airrace.flights.results.clearances import NEAR_MISS, least_distances
 from airrace.optimal_control.certificate import Certificate, Curvature
 from airrace.optimal_control.quantities import KNOT, plain_number
 from airrace.pages.views.tables import RACE, Cell, Column, Table, Units, Value
-from airrace.procedure.result import CLEARANCE, HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
+from airrace.procedure.result import (
+    CLEARANCE,
+    HARDLY_SLOWER,
+    GateSplit,
+    LowerBound,
+    NoteKind,
+    SearchReport,
+    StageResult,
+    Status,
+)
 
 _SPLITS = (
     Column("gate", key="passage"),
@@ -123,6 +132,8 @@ _ROUTE, _BEHIND, _EVALUATED = (
     Column("behind", "s", "+z.3f"),
     Column("evaluated by", rank=1),
 )
+SLACK_TOLD = 0.01
+"""The time by which a window holds a lower bound open that is told, s."""
 NEAR_ROLLS = 0.015
 """The time behind the best within which routes that only roll otherwise share a line, s."""
 
@@ -249,6 +260,17 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
         heading += f", {best} of {starts} multistarts converged to the {place} one"
     columns = (_ROUTE, Column(time, "s", ".3f", rank=2), _BEHIND, _EVALUATED)
     return Table(title or heading, columns, rows, notes)
+
+
+def bound_text(bound: LowerBound) -> str:
+    """Return the sentence on how much faster a flight could be, and which windows hold it open."""
+    faster = bound.race_time * bound.gap
+    text = (
+        f"no flight is more than {100.0 * bound.gap:.2f} % ({faster:.2f} s) faster, as far as windows of up to "
+        f"{bound.legs_max} legs were solved globally by {bound.starts} starts each"
+    )
+    widest = max(bound.windows, key=lambda window: window.slack)
+    return f"{text}; {widest.slack:.2f} s of it on {widest.text}" if widest.slack >= SLACK_TOLD else text
 
 
 _DISTANCES = (

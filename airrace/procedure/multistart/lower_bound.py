@@ -1,7 +1,7 @@
 """A lower bound of the race time, and the faster routes that it points to.
 
 A race is cut at some of the gates that stand into windows of at most three legs from one such gate to the next. With
-prices of the state at these gates (`gate_prices`) the least priced times of the windows add up to a lower bound of every
+prices of the state at these gates (`gate_prices`) the least priced times of the windows add up to a lower bound of the
 race time. The best prices are found by cutting planes: every known flight through a window limits from above how high
 its least priced time can be, so a linear program proposes prices, the windows are solved at these, and their flights
 are new cuts. Where the bound stays below the race time, the multipliers of the program tell which flights it would

@@ -122,6 +122,7 @@ def search_routes(
         result, bound = search.result(), None
         if gap is not None and compared:
             others = [*_distinct(result.flights, course, PRICED_FLIGHTS_MAX), *own_plans(stage_problem)]
+            others += planned_starts(stage_problem, course, budget)
             prices = PriceSearch(compared[0], others, course, pool, report_progress)
             bound = prices.run(gap)
             compared = _distinct(_refine(pool, session, [*prices.faster, *compared]), course)

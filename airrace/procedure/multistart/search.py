@@ -6,7 +6,7 @@ not depend on the number of solver processes.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +20,7 @@ from airrace.procedure.multistart.segments import Segment, differing, neighbours
 from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves, evaluate
 from airrace.procedure.planning.plan import decisions_from_solution, plan
 from airrace.procedure.planning.planning_model import PlanningModel
-from airrace.procedure.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions
-from airrace.procedure.settings import SearchEffort
+from airrace.procedure.planning.route_decisions import RouteDecisions
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 
@@ -61,73 +60,39 @@ class SearchBudget:
 
     Attributes:
         radii: of the plans that are solved as a whole, besides the race's own plan.
-        mirrored_ties: for how many of these plans the one that decides ties the other way is solved as well.
         planning_radius: at which moves are planned.
         plan_penalty_max: s, by which the plan of a move may take longer than that of the flight.
         iterations: how often the best flight is improved, at most.
-        alternatives: how many moves that overlap better ones are solved jointly as well, each for itself.
         compared_max: how many flights are compared on the mesh on which the winner's mesh check begins.
-        homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
         local: whether the flight is near an optimum. Then a place that several laps pass by the
             same route is tried in the first of them, windows that keep the route are not solved jointly, and other
             shapes are left out: on Rovinj and Chiba all windows with them led back to the same shape.
     """
 
     radii: tuple[Radius, ...]
-    mirrored_ties: int
     planning_radius: Radius
     plan_penalty_max: float
     iterations: int
-    alternatives: int
     compared_max: int
-    homotopy: bool
     local: bool = False
 
 
 QUICK = SearchBudget(
     radii=(Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
-    mirrored_ties=0,
     planning_radius=Radius(0.5),
     plan_penalty_max=2.0,
     iterations=3,
-    alternatives=1,
     compared_max=3,
-    homotopy=False,
-)
-THOROUGH = SearchBudget(
-    radii=(
-        Radius(1.0),
-        *QUICK.radii,
-        *(Radius(factor) for factor in (0.85, 0.55, 0.3)),
-        *(Radius(factor, slower=True) for factor in (0.85, 0.7, 0.5, 0.4)),
-    ),
-    mirrored_ties=12,
-    planning_radius=Radius(0.5),
-    plan_penalty_max=6.0,
-    iterations=8,
-    alternatives=3,
-    compared_max=4,
-    homotopy=True,
 )
 LOCAL = dataclasses.replace(QUICK, plan_penalty_max=1.5, local=True)
 """The budget of a search around a flight. Moves that it leaves out were slower by 6 s and more after a change of a few
 per cent; the fastest that it finds on Rovinj from a flight on another route takes 1.2 s longer as planned."""
-BUDGETS: Mapping[SearchEffort, SearchBudget] = {SearchEffort.QUICK: QUICK, SearchEffort.THOROUGH: THOROUGH}
-"""The budgets by `settings.search`."""
 
 
 def planned_starts(stage_problem: StageProblem, course: Course, budget: SearchBudget) -> list[InitialGuess]:
-    """Return plans of different radius, some of them with ties decided either way."""
-    starts: list[InitialGuess] = []
-    for number, radius in enumerate(budget.radii):
-        pace = radius.scale(stage_problem.plan.cruise)
-        own, mirrored = (
-            planned_guess(stage_problem, plan(course, pace, ties), InitialBarrier.COLD) for ties in (ANY, MIRRORED_TIES)
-        )
-        starts.append(own)
-        if number < budget.mirrored_ties and not np.array_equal(own.guess.state, mirrored.guess.state):
-            starts.append(mirrored)
-    return starts
+    """Return plans of different radius."""
+    paces = [radius.scale(stage_problem.plan.cruise) for radius in budget.radii]
+    return [planned_guess(stage_problem, plan(course, pace), InitialBarrier.COLD) for pace in paces]
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,7 +321,7 @@ class Search:
             if all(set(move.move.changed).isdisjoint(earlier.move.changed) for earlier in together):
                 together.append(move)
         groups = [together] if len(together) == 1 else [together, together[:1]]
-        groups += [[move] for move in moves if move not in together][: self._budget.alternatives]
+        groups += [[move] for move in moves if move not in together][:1]
         jobs = [(self._with_moves(base, [move.move for move in group]), base, group) for group in groups]
         faster: list[tuple[CoarseSolution, Sequence[EvaluatedMove]]] = []
         joint = self._pool.work(jobs, lambda service, job: apply_moves(service, *job))

@@ -1,0 +1,143 @@
+"""The lower bound of the race time from windows between priced gates, and the routes that it leads to."""
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from races import course, level, prepared
+from search_races import OFF, SLALOM, open_session, planned_coarse_solution
+from transformations import mirrored
+
+from airrace.files.inputs import load_inputs
+from airrace.model.frames import product, quaternion
+from airrace.optimal_control.solvers.service import SolverPool
+from airrace.pages.views.stage_tables import bound_text
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.gate_prices import GatePrice, features_of
+from airrace.procedure.multistart.lower_bound import SAVED_MIN, PriceSearch
+from airrace.procedure.multistart.plans import own_plans
+from airrace.procedure.multistart.priced_window import PricedWindow, RaceGuess
+from airrace.procedure.multistart.search import QUICK, planned_starts
+from airrace.procedure.result import BoundedWindow, LowerBound
+from airrace.race import Race
+
+
+@contextmanager
+def price_search(
+    race: Race, flight: CoarseSolution | None = None, others: Sequence[InitialGuess] = ()
+) -> Iterator[tuple[PriceSearch, SolverPool]]:
+    """A search from a flight, the optimum of the race's own plan if there is none."""
+    with open_session(OFF) as session, session.pool() as pool:
+        flight = flight or planned_coarse_solution(race)
+        plans = [*own_plans(prepared(race)), *others]
+        yield PriceSearch(flight, plans, race.course, pool, lambda _: None), pool
+
+
+STATES = prepared(SLALOM).model.system.states
+NAMES = [quantity.name for quantity in STATES]
+QUATERNION = [NAMES.index(f"q{component}") for component in range(4)]
+
+
+def random_state(rng: np.random.Generator) -> np.ndarray:
+    state = rng.normal(size=len(NAMES))
+    state[QUATERNION] = quaternion(*rng.uniform(-math.pi, math.pi, 3))
+    return state
+
+
+def rotated(state: np.ndarray, turn: Sequence[float]) -> np.ndarray:
+    """The state with its attitude turned by small angles about the axes of the path, rad."""
+    angle = float(np.linalg.norm(turn))
+    axis = [math.sin(angle / 2) * component / angle for component in turn]
+    state = state.copy()
+    state[QUATERNION] = product(state[QUATERNION].tolist(), [math.cos(angle / 2), *axis])
+    return state
+
+
+def test_price_grows_as_the_time_to_go_does_and_knows_no_sign_of_the_quaternion() -> None:
+    rng = np.random.default_rng(3)
+    state, costate = random_state(rng), rng.normal(size=len(NAMES))
+    price = GatePrice.from_costate(STATES, state, costate)
+    step = 1e-4
+
+    def difference(after: np.ndarray, before: np.ndarray) -> float:
+        return float(price.weights @ (price.features.at(after) - price.features.at(before)))
+
+    for row, name in enumerate(NAMES):
+        if row not in QUATERNION:
+            moved = state.copy()
+            moved[row] += step
+            assert difference(moved, state) == pytest.approx(costate[row] * step, rel=1e-6, abs=1e-12), name
+    for axis in np.eye(3) * step:
+        after, before = rotated(state, axis), rotated(state, -axis)
+        assert difference(after, before) == pytest.approx(costate @ (after - before), rel=1e-5)
+    negative = state.copy()
+    negative[QUATERNION] *= -1.0
+    assert difference(negative, state) == 0.0
+
+
+def test_prices_cancel_in_a_flight_of_the_whole_race() -> None:
+    rng = np.random.default_rng(4)
+    flight = planned_coarse_solution(SLALOM)
+    features, guess = features_of(STATES), RaceGuess.of(flight)
+    prices = [None, *(GatePrice(features, rng.normal(size=features.values.size1_out(0))) for _ in range(2)), None]
+    total = 0.0
+    for first in range(3):
+        window = PricedWindow((first, first + 1), prices[first], prices[first + 1])
+        part = guess.within(window.window)
+        total += window.time_of(window.flight(part, part.iterate, float(part.iterate.durations.sum())))
+    assert total == pytest.approx(float(flight.iterate.durations.sum()), abs=1e-9)
+
+
+def test_no_start_is_below_the_bound() -> None:
+    starts = planned_starts(prepared(SLALOM), SLALOM.course, QUICK)
+    with price_search(SLALOM, others=starts) as (search, pool):
+        bound = search.run(0.01)
+        flights = pool.work(starts, solve_coarse)
+    assert search.best.race_time < planned_coarse_solution(SLALOM).race_time - 5.0  # it rounded its pylon backwards
+    assert bound.race_time == search.best.race_time
+    assert bound.gap < 0.01
+    assert bound.seconds <= min(flight.race_time for flight in flights if flight is not None)
+    assert sum(window.slack for window in bound.windows) == pytest.approx(bound.race_time - bound.seconds, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_best_route_is_found_from_the_worst_by_prices_alone() -> None:
+    race = load_inputs("air_race_x_2024").race
+    with open_session(OFF) as session, session.pool() as pool:
+        flights = pool.work(planned_starts(prepared(race), race.course, QUICK), solve_coarse)
+    times = {flight.race_time: flight for flight in flights if flight is not None}
+    with price_search(race, times[max(times)]) as (search, _):
+        bound = search.run(0.01)
+    assert search.best.race_time <= min(times) + SAVED_MIN
+    assert bound.gap < 0.01
+
+
+@pytest.mark.slow
+def test_mirrored_course_has_the_mirrored_bound() -> None:
+    bounds: list[LowerBound] = []
+    for race in (SLALOM, mirrored(SLALOM)):
+        with price_search(race) as (search, _):
+            bounds.append(search.run(0.01))
+    first, second = bounds
+    assert first.race_time == pytest.approx(second.race_time, abs=1e-3)
+    assert first.seconds == pytest.approx(second.seconds, abs=0.01 * first.race_time)
+
+
+def test_race_of_one_leg_is_one_window_whose_bound_is_its_optimum() -> None:
+    race = replace(SLALOM, course=course("leg", level("first", 0.0, 0.0, 0.0), level("last", 700.0, 80.0, 20.0)))
+    with price_search(race) as (search, _):
+        bound = search.run(0.01)
+    assert [window.text for window in bound.windows] == ["first -> last"]
+    assert bound.seconds == pytest.approx(planned_coarse_solution(race).race_time, abs=1e-3)
+
+
+def test_sentence_tells_the_gap_its_caveat_and_the_widest_window() -> None:
+    windows = (BoundedWindow("a -> b", 3, 0.2), BoundedWindow("b -> c", 2, 0.8))
+    text = bound_text(LowerBound(49.0, 50.0, 3, 12, 400, 30, windows))
+    assert text == (
+        "no flight is more than 2.00 % (1.00 s) faster, as far as windows of up to 3 legs were solved globally by "
+        "12 starts each; 0.80 s of it on b -> c"
+    )
