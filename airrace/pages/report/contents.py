@@ -236,11 +236,12 @@ def _legs_lost(comparison: Comparison, language: Language, units: Units) -> list
     """Return the legs of a pair of flights: who loses how much on each, and by what."""
     numbers = {leg.name: number for number, leg in enumerate(comparison.legs, start=1)}
     differences = {leg.name: leg.difference for leg in comparison.legs}
+    other_wind = comparison.reference.air.wind != comparison.flight.air.wind
     return [
         {
             "passing": numbers[loss.end],
             "lost": differences[loss.end],
-            "reasons": reason_texts(loss, language, units),
+            "reasons": reason_texts(loss, other_wind, language, units),
         }
         for loss in leg_losses(comparison)
     ]

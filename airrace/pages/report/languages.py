@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from airrace.flights.results import Flight
 from airrace.flights.results.stamp import FREEZING
-from airrace.flights.results.time_loss import Loss
+from airrace.flights.results.time_loss import Cause, Loss
 from airrace.model.environment import atmosphere_parameters, density, temperature
 from airrace.pages.report.film import Language
 from airrace.pages.report.script import FOLDER
@@ -65,8 +65,11 @@ def stamp_text(flight: Flight, language: Language, units: Units) -> str:
     return "; ".join(texts)
 
 
-def reason_texts(loss: Loss, language: Language, units: Units) -> list[dict[str, object]]:
-    """Return by what a flight loses its time, the greatest cause first, each with the facts that explain it."""
+def reason_texts(loss: Loss, other_wind: bool, language: Language, units: Units) -> list[dict[str, object]]:
+    """Return by what a flight loses its time, the greatest cause first, each with the facts that explain it.
+
+    The rest of the energy is also that of the wind where it is `other_wind` than that of the other flight.
+    """
     place, sign = list(Language).index(language), decimal_sign(language)
     causes, fact_texts = _texts()["causes"], _texts()["facts"]
     reasons: list[dict[str, object]] = []
@@ -75,7 +78,8 @@ def reason_texts(loss: Loss, language: Language, units: Units) -> list[dict[str,
             continue
         values = [(fact.name, difference_value(fact, units).replace(".", sign)) for fact in part.facts[:FACTS_MAX]]
         facts = [fact_texts[name][place].format(value) for name, value in values]
-        reasons.append({"cause": causes[part.cause.value][place], "lost": part.amount, "facts": facts})
+        name = "wind" if other_wind and part.cause is Cause.ENERGY else part.cause.value
+        reasons.append({"cause": causes[name][place], "lost": part.amount, "facts": facts})
     return reasons[:REASONS_MAX]
 
 
