@@ -120,7 +120,8 @@ export class Graphics {
     const compared = this.last(now);
     return {
       clock: this.number(Math.min(time, duration), 2),
-      place: done || leg === last ? this.say("finish") : this.legName({ before: passings[leg], after: passings[leg + 1] }),
+      lap: this.lapName(passings[Math.min(leg + 1, last)]),
+      place: done || leg === last ? this.say("finish") : legName({ before: passings[leg], after: passings[leg + 1] }),
       order: this.order(now),
       gapAt: compared > 0 && this.flights.length > 1 ? this.say("gap at", this.lead.passing(compared)?.name ?? "") : "",
       done,
@@ -129,20 +130,21 @@ export class Graphics {
 
   tower(left, top, time, whole) {
     const u = this.unit;
-    const { clock, place, order, gapAt, done } = this.state(time);
+    const { clock, lap, place, order, gapAt, done } = this.state(time);
     const now = done ? Infinity : time; // the result, though others finish later
     const compares = order.length > 1 || this.laps > 1;
     const [wide, row] = [252 * u, 34 * u];
     const heading = whole && this.title;
-    const high = (heading ? 30 * u : 0) + (gapAt ? 80 : 62) * u + (compares ? row * order.length + 6 * u : 0);
+    const high = (heading ? 30 * u : 0) + 80 * u + (compares ? row * order.length + 6 * u : 0);
     this.panel(left, top, wide, high);
     let y = top + (heading ? 30 * u : 0);
     if (heading) this.write(this.title, left + 14 * u, top + 24 * u, 15, { weight: 600, colour: PALE, within: wide - 28 * u });
     this.write(clock, left + 14 * u, y + 43 * u, 38, { weight: 700 });
-    this.write(place, left + wide - 14 * u, y + 41 * u, 14, { align: "right", colour: PALE, within: 120 * u });
+    this.write(lap, left + wide - 14 * u, y + 41 * u, 14, { align: "right", colour: PALE, within: 100 * u });
     y += 62 * u;
-    if (gapAt) this.write(gapAt, left + wide - 14 * u, y + 10 * u, 14, { align: "right", colour: PALE, within: wide - 28 * u });
-    y += gapAt ? 18 * u : 0;
+    this.write(place, left + 14 * u, y + 8 * u, 14, { within: 108 * u });
+    this.write(gapAt, left + wide - 14 * u, y + 8 * u, 14, { align: "right", colour: PALE, within: 108 * u });
+    y += 18 * u;
     for (const [i, { flight, gap }] of compares ? order.entries() : []) {
       const added = this.added(flight, now);
       const first = done ? this.number(flight.raceTime, 3) : this.say("ahead");
@@ -226,8 +228,9 @@ export class Graphics {
     this.panel(left, top, wide, high);
     this.write(this.say("replay"), left + 14 * u, top + 28 * u, 22, { weight: 750, colour: SECTOR.slower, within: 180 * u });
     const within = wide - 216 * u;
-    this.write(this.legName(leg), left + wide - 14 * u, top + 27 * u, 17, { weight: 650, align: "right", within });
-    this.write(this.say("level", leg.before.name), left + 14 * u, top + 50 * u, 14, { colour: PALE, within: wide - 28 * u });
+    this.write(legName(leg), left + wide - 14 * u, top + 27 * u, 17, { weight: 650, align: "right", within });
+    this.write(this.say("level", leg.before.name), left + 14 * u, top + 50 * u, 14, { colour: PALE, within: wide - 140 * u });
+    this.write(this.lapName(leg.after), left + wide - 14 * u, top + 50 * u, 14, { align: "right", colour: PALE, within: 100 * u });
     this.named(flight, left + 14 * u, top + 62 * u, 220 * u);
     const text = `${this.number(lost, 3, signed)} s`;
     this.write(text, left + wide - 14 * u, top + 79 * u, 20, { weight: 700, align: "right", colour: SLOWER });
@@ -242,10 +245,9 @@ export class Graphics {
     this.write(shortened(flight.label), left + 14 * u, top + 17 * u, 18, { weight: 650, within });
   }
 
-  /** From which passing to which one, and in which lap, where there are several. */
-  legName({ before, after }) {
-    const name = `${before.name} → ${after.name}`;
-    return this.laps > 1 ? `${this.say("lap", after.lap, this.laps)}, ${name}` : name;
+  /** In which lap a passing is, where there are several. */
+  lapName({ lap }) {
+    return this.laps > 1 ? this.say("lap", lap, this.laps) : "";
   }
 
   /** The result of a race of several flights: who has won and by how much, and where time was lost, by whom and why. */
@@ -272,8 +274,9 @@ export class Graphics {
     }
     if (told.length) this.write(this.say("where"), left + 16 * u, y + 19 * u, 14, { colour: PALE, within: wide - 32 * u });
     y += 28 * u;
-    for (const { name, flight, lost, reasons } of told) {
-      this.write(name, left + 16 * u, y + 19 * u, 17, { weight: 650, within: 0.17 * wide });
+    for (const { name, lap, flight, lost, reasons } of told) {
+      this.write(name, left + 16 * u, y + (lap ? 14 : 19) * u, 17, { weight: 650, within: 0.17 * wide });
+      this.write(lap, left + 16 * u, y + 31 * u, 13, { colour: PALE, within: 0.17 * wide });
       this.named(flight, left + 0.205 * wide, y + 2 * u, 0.15 * wide);
       const bold = { align: "right", weight: 700, colour: SLOWER, within: 0.12 * wide };
       const text = lost === null ? DISQUALIFIED : `${this.number(lost, 3, signed)} s`;
@@ -306,12 +309,12 @@ export class Graphics {
     return { rows, told, high: 56 + 28 * rows.length + (told.length && 28 + 40 * told.length) };
   }
 
-  /** The penalties that cost most, as `{name, flight, lost, reasons}`; what is lost is null where the race was over. */
+  /** The penalties that cost most, as `{name, lap, flight, lost, reasons}`; what is lost is null where the race was over. */
   costlyPenalties(rows) {
     const cost = ({ lost }) => lost ?? Infinity;
     const reasonsOf = ({ rule, seconds }) => [`${this.say(seconds === null ? "race over" : "penalty")}: ${this.say(rule)}`];
     const called = rows.flatMap(({ flight }) =>
-      flight.penalties.map((penalty) => ({ name: penalty.gate, flight, lost: penalty.seconds, reasons: reasonsOf(penalty) })),
+      flight.penalties.map((penalty) => ({ name: penalty.gate, lap: "", flight, lost: penalty.seconds, reasons: reasonsOf(penalty) })),
     );
     return called.filter((penalty) => cost(penalty) > 0).sort((a, b) => (cost(a) === cost(b) ? 0 : cost(b) - cost(a))).slice(0, PENALTIES);
   }
@@ -321,10 +324,10 @@ export class Graphics {
     const legs = this.differences.find(({ flight }) => flight === other?.number)?.legs ?? [];
     const ranked = legs.filter(({ lost }) => Math.abs(lost) >= TOLD).sort((a, b) => Math.abs(b.lost) - Math.abs(a.lost));
     const chosen = [1, -1].flatMap((sense) => ranked.filter(({ lost }) => sense * lost > 0).slice(0, 2));
-    const entry = (name, lost, reasons) => ({ name, flight: lost > 0 ? other : this.lead, lost: Math.abs(lost), reasons });
+    const entry = (name, lap, lost, reasons) => ({ name, lap, flight: lost > 0 ? other : this.lead, lost: Math.abs(lost), reasons });
     const told = chosen.sort((a, b) => a.passing - b.passing).map(({ passing, lost, reasons }) => {
       const leg = { before: this.lead.passing(passing - 1), after: this.lead.passing(passing) };
-      return entry(this.legName(leg), lost, reasons.map((reason) => reasonText(reason, 1)));
+      return entry(legName(leg), this.lapName(leg.after), lost, reasons.map((reason) => reasonText(reason, 1)));
     });
     const finished = other && this.lead.raceTime !== null && other.raceTime !== null;
     const sum = (some) => some.reduce((total, { lost }) => total + lost, 0);
@@ -334,7 +337,7 @@ export class Graphics {
     const same = legs.filter((leg) => !chosen.includes(leg) && leg.lost * rest > 0).flatMap(({ reasons }) => reasons);
     for (const { cause, lost } of same) causes.set(cause, (causes.get(cause) ?? 0) + lost);
     const reasons = [...causes].sort((a, b) => b[1] - a[1]).slice(0, 2).map(([cause]) => cause);
-    return [...told, entry(this.say("others"), rest, reasons)];
+    return [...told, entry(this.say("others"), "", rest, reasons)];
   }
 
   /** Where flights are that are not in the picture, and how far behind or ahead of the first one they were at the last passing. */
@@ -373,9 +376,7 @@ export class Graphics {
     context.rotate(angle);
     context.fillStyle = flight.colour;
     context.beginPath();
-    context.moveTo(10 * u, 0);
-    context.lineTo(-8 * u, -8 * u);
-    context.lineTo(-8 * u, 8 * u);
+    for (const [x, y] of [[12, 0], [-10, -7], [-5, 0], [-10, 7]]) context.lineTo(x * u, y * u);
     context.fill();
     context.restore();
     this.write(shortened(flight.label), left + 32 * u, top + (text ? 20 : 29) * u, 15, { weight: 650, within: wide - 38 * u });
@@ -397,7 +398,7 @@ export class Graphics {
     const [left, top] = [middle - 0.5 * wide, bottom - high];
     this.panel(left, top, wide, high);
     if (several) this.named(this.lead, left + 14 * u, top + 14 * u, 102 * u);
-    this.write(final ? this.say("finish") : passing.name, left + wide - 184 * u, top + 32 * u, 17, { colour: PALE, within: 78 * u });
+    this.write(final ? this.say("finish") : passing.name, left + wide - 184 * u, top + 32 * u, 17, { colour: PALE, within: 68 * u });
     this.write(this.number(passing.time, 3), left + wide - 16 * u, top + 34 * u, 25, { weight: 700, align: "right" });
     this.context.globalAlpha = 1;
   }
@@ -545,6 +546,11 @@ export class Graphics {
 /** Pixels of a unit in which sizes are those of a picture of FULL, at least so many. */
 function unitOf(width, height, least = 0) {
   return Math.max(Math.sqrt((width * height) / FULL), least);
+}
+
+/** From which passing to which one. */
+function legName({ before, after }) {
+  return `${before.name} → ${after.name}`;
 }
 
 /** A reason of a loss with at most so many of the facts that explain it. */
