@@ -24,10 +24,16 @@ def loaded_script() -> ModuleType:
     return module
 
 
+@pytest.fixture(scope="module", name="folder")
+def folder_of_programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("programs") / "races"
+    folder.mkdir()
+    return folder
+
+
 @pytest.fixture(scope="module", name="program")
-def written_program(script: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> tuple[ca.Function, dict[str, Any]]:
-    stage = half_cuban()["point-mass"]
-    function, document = script.write_program(stage, "half_cuban_eight", tmp_path_factory.mktemp("races"))
+def written_program(script: ModuleType, folder: Path) -> tuple[ca.Function, dict[str, Any]]:
+    function, document = script.write_program(half_cuban()["point-mass"], "half_cuban_eight", folder)
     return ca.Function.load(str(function)), json.loads(document.read_text(encoding="utf-8"))
 
 
@@ -51,16 +57,18 @@ def test_residuals_see_a_solution_that_is_none(script: ModuleType, program: Any,
     assert max(script.residuals(function, data | {key: moved.tolist()}).values()) > 1e-4
 
 
-def test_another_solver_finds_the_optimum_from_the_start(program: Any) -> None:
-    function, data = program
-    x, p = ca.MX.sym("x", len(data["x"])), ca.MX.sym("p", len(data["p"]))
-    f, g = function(x, p)
-    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
-    solver = ca.nlpsol("solver", "ipopt", {"x": x, "p": p, "f": f, "g": g}, quiet)
-    bounds = {name: data[name] for name in ("lbx", "ubx", "lbg", "ubg")}
-    found = solver(x0=data["start"], p=data["p"], **bounds)
-    assert solver.stats()["success"]
-    assert float(found["f"]) == pytest.approx(data["objective"], abs=1e-5)  # IPOPT relaxes bounds by 1e-8
-    x_scaled = np.asarray(found["x"]).ravel()
-    duration = [place for place, name in enumerate(data["x_names"]) if name.startswith("duration of ")]
-    assert x_scaled[duration] == pytest.approx(np.array(data["x"])[duration], abs=1e-3)
+def test_the_code_of_the_page_finds_the_optimum_with_another_solver(
+    program: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, data = program
+    page = (ROOT / "docs" / "race_programs.md").read_text(encoding="utf-8")
+    code = page.partition("```python\n")[2].partition("```")[0]
+    assert code.count("\n") <= 13
+    monkeypatch.chdir(folder.parent)
+    names: dict[str, Any] = {}  # Any: whatever the page defines
+    exec(compile(code, "race_programs.md", "exec"), names)
+    assert names["solver"].stats()["success"]
+    assert float(names["found"]["f"]) == pytest.approx(data["objective"], abs=1e-5)  # IPOPT relaxes bounds by 1e-8
+    x = np.asarray(names["found"]["x"]).ravel()
+    durations = [place for place, name in enumerate(data["x_names"]) if name.startswith("duration of ")]
+    assert x[durations] == pytest.approx(np.array(data["x"])[durations], abs=1e-3)
