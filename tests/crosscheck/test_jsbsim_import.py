@@ -11,7 +11,7 @@ from command import run as airrace
 from jsbsim_aircraft.aircraft_xml import DENSITY, INERTIA, POUND, POUND_FORCE, TORQUE
 
 from airrace.files.inputs.document import AIRCRAFT
-from airrace.files.inputs.jsbsim.aerodynamics import Coefficients, FlowState
+from airrace.files.inputs.jsbsim.aerodynamics import C_D, C_L, FlowState
 from airrace.files.inputs.jsbsim.aircraft import C_L_CRUISE, JsbsimAircraft, read_jsbsim_aircraft
 from airrace.files.inputs.jsbsim.airframe import read_airframe
 from airrace.files.inputs.jsbsim.document import read_jsbsim
@@ -71,10 +71,6 @@ def properties(model: Any) -> dict[str, float]:
     return values
 
 
-def own(coefficients: Coefficients) -> Array:
-    return np.array(dataclasses.astuple(coefficients))
-
-
 @pytest.mark.parametrize("name", ["c172p", "c182", "p51d", "f16"])
 def test_functions_have_jsbsims_values_where_properties_have(name: str) -> None:
     aerodynamics, random = read(name).aerodynamics, np.random.default_rng(7)
@@ -82,7 +78,7 @@ def test_functions_have_jsbsims_values_where_properties_have(name: str) -> None:
         model = started(name, random)
         state = FlowState(model["velocities/vt-fps"] * FOOT, model["aero/alpha-rad"], model["aero/beta-rad"])
         values = aerodynamics.coefficients(state, properties(model))
-        assert own(values) == pytest.approx(its_coefficients(model), abs=1e-12)
+        assert values == pytest.approx(its_coefficients(model), abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["c172p", "c182"])
@@ -99,13 +95,11 @@ def test_a_state_of_the_flow_has_jsbsims_coefficients(name: str) -> None:
             q=model["velocities/q-aero-rad_sec"] * per_chord,
             r=model["velocities/r-aero-rad_sec"] * per_span,
             alphadot=model["aero/alphadot-rad_sec"] * per_chord,
-            deflections={
-                "eta": model["fcs/elevator-pos-rad"],
-                "xi": model["fcs/left-aileron-pos-rad"],
-                "zeta": model["fcs/rudder-pos-rad"],
-            },
+            eta=model["fcs/elevator-pos-rad"],
+            xi=model["fcs/left-aileron-pos-rad"],
+            zeta=model["fcs/rudder-pos-rad"],
         )
-        assert own(aerodynamics.coefficients(state)) == pytest.approx(its_coefficients(model), abs=1e-9)
+        assert aerodynamics.coefficients(state) == pytest.approx(its_coefficients(model), abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["c172p", "c310", "f16", "737", "A320"])
@@ -132,9 +126,9 @@ def test_tables_of_the_aircraft_follow_jsbsims_functions(name: str, lift: float,
     misses: list[float] = []
     for alpha in random.uniform(knots[0], knots[-1], 60).tolist():
         at = aerodynamics.coefficients(FlowState(V, alpha))
-        misses.append(abs(lift_curve(alpha, numbers) - at.C_L))
-        if alpha < math.radians(8.0) and 0.0 < at.C_L < 0.9 * aircraft.lift.C_L_max:
-            assert drag_coefficient(at.C_L, 0.0, V, RHO_ISA, numbers) == pytest.approx(at.C_D, abs=drag)
+        misses.append(abs(lift_curve(alpha, numbers) - at[C_L]))
+        if alpha < math.radians(8.0) and 0.0 < at[C_L] < 0.9 * aircraft.lift.C_L_max:
+            assert drag_coefficient(at[C_L], 0.0, V, RHO_ISA, numbers) == pytest.approx(at[C_D], abs=drag)
     assert max(misses) < lift
     assert np.median(misses) < 0.01
 

@@ -7,7 +7,7 @@ still air at sea level, without ground effect, flaps, slipstream and gear.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -31,9 +31,14 @@ POSITIONS: tuple[tuple[str, Surface, float], ...] = (
 AXES = ("DRAG", "SIDE", "LIFT", "ROLL", "PITCH", "YAW")
 
 
+C_L, C_D, C_Y, C_l, C_m, C_n = range(6)
+"""The coefficients of force in wind axes and of moment in body axes about the centre of mass, by their places."""
+
+
 @dataclass(frozen=True)
 class FlowState:
-    """A state of flow and controls; angles in rad, rates dimensionless (`b/(2V)` of p and r, `cbar/(2V)` of q)."""
+    """A state of flow and controls: airspeed (m/s), angles (rad), and rates made dimensionless with `b/(2V)` (p, r) and
+    `cbar/(2V)` (q, alphadot)."""
 
     V: float
     alpha: float = 0.0
@@ -42,19 +47,9 @@ class FlowState:
     q: float = 0.0
     r: float = 0.0
     alphadot: float = 0.0
-    deflections: Mapping[Surface, float] = field(default_factory=dict[Surface, float])
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """The coefficients of force in wind axes and of moment in body axes about the centre of mass."""
-
-    C_L: float
-    C_D: float
-    C_Y: float
-    C_l: float
-    C_m: float
-    C_n: float
+    eta: float = 0.0
+    xi: float = 0.0
+    zeta: float = 0.0
 
 
 class JsbsimAerodynamics:
@@ -107,15 +102,15 @@ class JsbsimAerodynamics:
         for axis, rate in (("p", state.p / per_span), ("q", state.q / per_chord), ("r", state.r / per_span)):
             values[f"velocities/{axis}-aero-rad_sec"] = values[f"velocities/{axis}-rad_sec"] = rate
         for name, surface, sign in POSITIONS:
-            angle = sign * state.deflections.get(surface, 0.0)
+            angle: float = sign * getattr(state, surface)
             share = angle / self._travels[surface]
             units = {"pos-rad": angle, "pos-deg": math.degrees(angle), "pos-norm": share, "cmd-norm": share}
             values |= {f"fcs/{name}-{unit}": value for unit, value in units.items()}
             values |= {f"fcs/mag-{name}-{unit}": abs(value) for unit, value in units.items()}
         return values
 
-    def coefficients(self, state: FlowState, properties: Mapping[str, float] | None = None) -> Coefficients:
-        """Return the coefficients in a state.
+    def coefficients(self, state: FlowState, properties: Mapping[str, float] | None = None) -> Array:
+        """Return the six coefficients in a state, in the order above.
 
         Args:
             state: of which alpha and beta turn forces between body and wind axes.
@@ -124,12 +119,11 @@ class JsbsimAerodynamics:
         values = dict(self.properties(state) if properties is None else properties)
         load = values["aero/qbar-psf"] * values["metrics/Sw-sqft"]
         values["aero/cl-squared"] = (self._total("LIFT", values) / load) ** 2
-        C_D, C_Y, C_L, roll, pitch, yaw = (self._total(axis, values) / load for axis in AXES)
+        drag, side, lift, *moments = (self._total(axis, values) / load for axis in AXES)
         R_BA = np.array(rotation_to_body(state.alpha, state.beta), dtype=np.float64)
-        moments = np.array([roll, pitch, yaw]) * FOOT + np.cross(self._arm, R_BA @ np.array([-C_D, C_Y, -C_L]))
+        shifted = np.array(moments) * FOOT + np.cross(self._arm, R_BA @ np.array([-drag, side, -lift]))
         b, cbar = self._airframe.b, self._airframe.cbar
-        C_l, C_m, C_n = (moments / np.array([b, cbar, b])).tolist()
-        return Coefficients(C_L, C_D, C_Y, C_l, C_m, C_n)
+        return np.array([lift, drag, side, *(shifted / [b, cbar, b])])
 
     def _total(self, axis: str, values: Mapping[str, float]) -> float:
         return sum(self.functions.value(function, values) for function in self._axes[axis])

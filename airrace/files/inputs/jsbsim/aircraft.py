@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from airrace.files.inputs.jsbsim.aerodynamics import Coefficients, FlowState, JsbsimAerodynamics
+from airrace.files.inputs.jsbsim.aerodynamics import C_D, C_L, C_Y, C_l, C_m, C_n, FlowState, JsbsimAerodynamics
 from airrace.files.inputs.jsbsim.airframe import SURFACES, Surface, read_airframe, read_travels
 from airrace.files.inputs.jsbsim.document import read_jsbsim
 from airrace.files.inputs.jsbsim.propulsion import PropellerEngine, read_engines, thrust_table
@@ -33,7 +33,7 @@ from airrace.model.dynamics.flight_manual import Relations
 from airrace.model.environment import RHO_ISA, g0
 from airrace.model.splines import Table
 from airrace.optimal_control.quantities import Interval
-from airrace.optimal_control.trajectory import Indices
+from airrace.optimal_control.trajectory import Array, Indices
 
 C_L_CRUISE = 0.3
 SWEEP = np.radians(np.arange(-25.0, 35.25, 0.25))
@@ -44,8 +44,8 @@ KNOTS = 30
 """The largest number of knots of a table."""
 LINEAR_PART = 0.6
 """The share of `C_L_max` and `C_L_min` within which lift counts as linear."""
-STEPS = {"beta": math.radians(2.0), "p": 0.01, "q": 0.01, "r": 0.01, "alphadot": 0.01}
-"""Half of the differences: sideslip (rad), dimensionless rates; a surface goes a quarter of its travel."""
+BETA_STEP, RATE_STEP, DEFLECTION_SHARE = math.radians(2.0), 0.01, 0.25
+"""Half of the differences: sideslip (rad), dimensionless rates, share of a surface's travel."""
 NEGLIGIBLE = 1e-4
 """A coefficient below this is not worth a remark."""
 SPEEDS, DENSITIES = tuple(map(float, range(0, 131, 10))), (0.9, 1.0, 1.1, RHO_ISA)
@@ -176,95 +176,85 @@ class _Derivation:
     """Coefficients and derivatives of one aircraft at one speed (m/s)."""
 
     def __init__(self, aerodynamics: JsbsimAerodynamics, V: float, travels: Mapping[Surface, float]) -> None:
-        self._aerodynamics, self._V, self._travels = aerodynamics, V, travels
-        sweep = [self._at(alpha) for alpha in SWEEP.tolist()]
-        self.C_L, self.C_D, self.C_m = (
-            np.array([getattr(coefficients, name) for coefficients in sweep]) for name in ("C_L", "C_D", "C_m")
-        )
-        self._alpha = float(SWEEP[int(np.argmin(np.abs(self.C_L - C_L_CRUISE)))])
-        self._surfaces = {surface: self._by_surface(surface) for surface in SURFACES}
+        self._aerodynamics, self._V = aerodynamics, V
+        self._steps = {"beta": BETA_STEP} | dict.fromkeys(("p", "q", "r", "alphadot"), RATE_STEP)
+        self._steps |= {surface: DEFLECTION_SHARE * travel for surface, travel in travels.items()}
+        self.sweep = np.array([self._at(alpha) for alpha in SWEEP.tolist()]).T
+        self._cruise = float(SWEEP[int(np.argmin(np.abs(self.sweep[C_L] - C_L_CRUISE)))])
+        self.by = {variable: self._derivatives(variable, self._cruise) for variable in self._steps}
 
     def lift_range(self) -> tuple[Indices, Indices]:
         """Return the places of the sweep from stall to stall, and those where lift is linear."""
-        middle = int(np.argmin(np.abs(SWEEP)))
-        top = middle + int(np.argmax(self.C_L[middle:]))
-        bottom = int(np.flatnonzero(self.C_L[: middle + 1] == self.C_L[: middle + 1].min())[-1])
+        lift, middle = self.sweep[C_L], int(np.argmin(np.abs(SWEEP)))
+        top = middle + int(np.argmax(lift[middle:]))
+        bottom = int(np.flatnonzero(lift[: middle + 1] == lift[: middle + 1].min())[-1])
         attached = np.arange(bottom, top + 1)
-        C_L = self.C_L[attached]
-        linear = attached[(LINEAR_PART * min(C_L[0], 0.0) <= C_L) & (LINEAR_PART * C_L[-1] >= C_L)]
+        most, least = LINEAR_PART * lift[top], LINEAR_PART * min(lift[bottom], 0.0)
+        linear = attached[(lift[attached] >= least) & (lift[attached] <= most)]
         return attached, linear if len(linear) > 2 else attached
 
     def lift(self, attached: Indices, linear: Indices) -> tuple[Lift, Table]:
-        C_Lalpha, C_L0 = np.polyfit(SWEEP[linear], self.C_L[linear], 1).tolist()
-        C_L_max, C_L_min = self.C_L[attached[[-1, 0]]].tolist()
+        C_Lalpha, C_L0 = np.polyfit(SWEEP[linear], self.sweep[C_L, linear], 1).tolist()
+        C_L_max, C_L_min = self.sweep[C_L, attached[[-1, 0]]].tolist()
         first, last = max(0, int(attached[0]) - BEYOND), min(len(SWEEP) - 1, int(attached[-1]) + BEYOND)
         knots = np.unique(np.linspace(first, last, KNOTS).round().astype(int))
-        table = Table((tuple(SWEEP[knots].tolist()),), tuple((C_L,) for C_L in self.C_L[knots].tolist()))
-        return Lift(C_L0, C_Lalpha, self._by("q").C_L, self._surfaces["eta"].C_L, C_L_max, C_L_min), table
+        table = Table((tuple(SWEEP[knots].tolist()),), tuple((value,) for value in self.sweep[C_L, knots].tolist()))
+        C_Lq, C_Leta = self.by["q"][C_L], self.by["eta"][C_L]
+        return Lift(C_L0, C_Lalpha, float(C_Lq), float(C_Leta), C_L_max, C_L_min), table
 
     def drag(self, attached: Indices, beta_max: float) -> tuple[Drag, Table]:
         """Return the table over the lift coefficient, and a parabola with its vertex for estimates beside it."""
-        C_L, C_D = self.C_L[attached], self.C_D[attached]
-        vertex = int(np.argmin(C_D))
-        squares = (C_L - C_L[vertex]) ** 2
-        k = float(squares @ (C_D - C_D[vertex]) / (squares @ squares))
+        lift, drag = self.sweep[C_L, attached], self.sweep[C_D, attached]
+        vertex = int(np.argmin(drag))
+        squares = (lift - lift[vertex]) ** 2
+        k = float(squares @ (drag - drag[vertex]) / (squares @ squares))
         betas = np.linspace(-beta_max, beta_max, 9)
-        added = np.array([self._at(self._alpha, beta=beta).C_D for beta in betas.tolist()]) - self._at(self._alpha).C_D
+        added = np.array([self._at(self._cruise, beta=beta)[C_D] for beta in betas.tolist()])
+        added -= self._at(self._cruise)[C_D]
         C_Dbeta2 = max(0.0, float(added @ betas**2 / (betas**2 @ betas**2)))
         places = [0]
-        for place in range(1, len(C_L)):
-            if C_L[place] - C_L[places[-1]] >= (C_L[-1] - C_L[0]) / KNOTS:
+        for place in range(1, len(lift)):
+            if lift[place] - lift[places[-1]] >= (lift[-1] - lift[0]) / KNOTS:
                 places.append(place)
         Re = self._aerodynamics.properties(FlowState(self._V))["aero/Re"]
-        table = Table((tuple(C_L[places].tolist()), (Re,)), tuple((value,) for value in C_D[places].tolist()))
-        return Drag(float(C_D[vertex]), k, float(C_L[vertex]), C_Dbeta2, beta_max), table
+        table = Table((tuple(lift[places].tolist()), (Re,)), tuple((value,) for value in drag[places].tolist()))
+        return Drag(float(drag[vertex]), k, float(lift[vertex]), C_Dbeta2, beta_max), table
 
     def pitch(self, linear: Indices) -> PitchMoment:
-        C_malpha, C_m0 = np.polyfit(SWEEP[linear], self.C_m[linear], 1).tolist()
-        return PitchMoment(C_m0, C_malpha, self._by("q").C_m, self._by("alphadot").C_m, self._surfaces["eta"].C_m)
+        C_malpha, C_m0 = np.polyfit(SWEEP[linear], self.sweep[C_m, linear], 1).tolist()
+        return PitchMoment(C_m0, C_malpha, *(float(self.by[name][C_m]) for name in ("q", "alphadot", "eta")))
 
     def lateral(self, linear: Indices) -> dict[str, SideForce | RollMoment | YawMoment]:
         places = linear[:: max(1, len(linear) // 8)]
-        C_L, alphas = self.C_L[places], SWEEP[places].tolist()
-        C_lr_per_C_L, C_lr = np.polyfit(C_L, [self._by("r", alpha).C_l for alpha in alphas], 1).tolist()
-        C_np_per_C_L, C_np = np.polyfit(C_L, [self._by("p", alpha).C_n for alpha in alphas], 1).tolist()
-        beta, p, r = self._by("beta"), self._by("p"), self._by("r")
-        ailerons, rudder = self._surfaces["xi"], self._surfaces["zeta"]
+        lift, alphas = self.sweep[C_L, places], SWEEP[places].tolist()
+        C_lr_per_C_L, C_lr = np.polyfit(lift, [self._derivatives("r", alpha)[C_l] for alpha in alphas], 1).tolist()
+        C_np_per_C_L, C_np = np.polyfit(lift, [self._derivatives("p", alpha)[C_n] for alpha in alphas], 1).tolist()
         # a positive deflection makes a negative moment about its own axis
-        xi, zeta = math.copysign(1.0, -ailerons.C_l), math.copysign(1.0, -rudder.C_n)
+        xi, zeta = -np.sign(self.by["xi"][C_l]) * self.by["xi"], -np.sign(self.by["zeta"][C_n]) * self.by["zeta"]
+        causes = np.array([self.by["beta"], self.by["p"], self.by["r"], xi, zeta]).T
+        (Y_beta, Y_p, Y_r, Y_xi, Y_zeta), (l_beta, l_p, _, l_xi, l_zeta) = causes[[C_Y, C_l]].tolist()
+        n_beta, _, n_r, n_xi, n_zeta = causes[C_n].tolist()
         return {
-            "side_force": SideForce(beta.C_Y, p.C_Y, r.C_Y, xi * ailerons.C_Y, zeta * rudder.C_Y),
-            "roll": RollMoment(beta.C_l, p.C_l, C_lr, C_lr_per_C_L, xi * ailerons.C_l, zeta * rudder.C_l),
-            "yaw": YawMoment(beta.C_n, C_np, C_np_per_C_L, r.C_n, xi * ailerons.C_n, zeta * rudder.C_n),
+            "side_force": SideForce(Y_beta, Y_p, Y_r, Y_xi, Y_zeta),
+            "roll": RollMoment(l_beta, l_p, C_lr, C_lr_per_C_L, l_xi, l_zeta),
+            "yaw": YawMoment(n_beta, C_np, C_np_per_C_L, n_r, n_xi, n_zeta),
         }
 
     def remarks(self) -> list[str]:
         """Return what of the coefficients has no place in an aircraft."""
         remarks: list[str] = []
-        if abs(rate := self._by("alphadot").C_L) > NEGLIGIBLE:
+        if abs(rate := self.by["alphadot"][C_L]) > NEGLIGIBLE:
             remarks.append(f"lift due to the rate of the angle of attack, {rate:.3g} per rad: airrace has none")
-        deflected = FlowState(self._V, self._alpha, deflections=self._travels)
-        if abs(self._aerodynamics.coefficients(deflected).C_D - self._at(self._alpha).C_D) > NEGLIGIBLE:
+        deflected = self._at(self._cruise, eta=self._steps["eta"])
+        if abs(deflected[C_D] - self._at(self._cruise)[C_D]) > NEGLIGIBLE:
             remarks.append("drag due to deflections of the controls: airrace has none")
         assumed = sorted(self._aerodynamics.functions.assumed - {"aero/cl-squared"})
         return [*remarks, *([f"properties without a value, counted as 0: {', '.join(assumed)}"] if assumed else [])]
 
-    def _at(self, alpha: float, **motion: float) -> Coefficients:
+    def _at(self, alpha: float, **motion: float) -> Array:
         return self._aerodynamics.coefficients(dataclasses.replace(FlowState(self._V, alpha), **motion))
 
-    def _by(self, variable: str, alpha: float | None = None) -> Coefficients:
-        """Return the derivatives by an angle (rad) or a dimensionless rate, in cruise by default."""
-        step, alpha = STEPS[variable], self._alpha if alpha is None else alpha
-        return _difference(self._at(alpha, **{variable: step}), self._at(alpha, **{variable: -step}), step)
-
-    def _by_surface(self, surface: Surface) -> Coefficients:
-        step = 0.25 * self._travels[surface]
-        above, below = (
-            self._aerodynamics.coefficients(FlowState(self._V, self._alpha, deflections={surface: deflection}))
-            for deflection in (step, -step)
-        )
-        return _difference(above, below, step)
-
-
-def _difference(above: Coefficients, below: Coefficients, step: float) -> Coefficients:
-    return Coefficients(*((getattr(above, name) - getattr(below, name)) / (2.0 * step) for name in vars(above)))
+    def _derivatives(self, variable: str, alpha: float) -> Array:
+        step = self._steps[variable]
+        above, below = self._at(alpha, **{variable: step}), self._at(alpha, **{variable: -step})
+        return (above - below) / (2.0 * step)
