@@ -178,9 +178,10 @@ def test_the_command_writes_an_aircraft_that_flies(tmp_path: Path, monkeypatch: 
     assert lift_curve(0.1, after) == pytest.approx(lift_curve(0.1, before), rel=1e-6)
     assert thrust(1.0, 50.0, 1.2, after) == pytest.approx(thrust(1.0, 50.0, 1.2, before), rel=1e-6)
     Path("course.yaml").write_text(COURSE)
-    flown = airrace("optimize", "course.yaml", "--aircraft", "c172p.yaml", "--until", "point-mass", "--json")
+    flown = airrace("optimize", "course.yaml", "--aircraft", "c172p.yaml", "--json")
     assert flown.code == 0
     assert flown.answer["certified"]
+    assert flown.stages[-1] == "six-dof"
     assert airrace("aircraft", "renamed", "--from", "c172p.yaml", "--n-z", "4g").code == 0
     assert "tables:" in Path("renamed.yaml").read_text(encoding="utf-8")
 
