@@ -68,7 +68,7 @@ def test_the_code_of_the_page_finds_the_optimum_with_another_solver(
     names: dict[str, Any] = {}  # Any: whatever the page defines
     exec(compile(code, "race_programs.md", "exec"), names)
     assert names["solver"].stats()["success"]
-    assert float(names["found"]["f"]) == pytest.approx(data["objective"], abs=1e-5)  # IPOPT relaxes bounds by 1e-8
-    x = np.asarray(names["found"]["x"]).ravel()
+    assert float(names["optimum"]["f"]) == pytest.approx(data["objective"], abs=1e-5)  # IPOPT relaxes bounds by 1e-8
+    x = np.asarray(names["optimum"]["x"]).ravel()
     durations = [place for place, name in enumerate(data["x_names"]) if name.startswith("duration of ")]
     assert x[durations] == pytest.approx(np.array(data["x"])[durations], abs=1e-3)

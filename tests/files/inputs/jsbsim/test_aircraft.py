@@ -109,10 +109,10 @@ def test_numbers_are_those_of_the_functions(tmp_path: Path) -> None:
     assert aircraft.surfaces.eta.upper == pytest.approx(0.4)
     assert aircraft.surfaces.xi == TEMPLATE.surfaces.xi
     assert aircraft.propulsion == TEMPLATE.propulsion
-    told = "\n".join(result.remarks)
-    assert "YAW: the function : <random> at aircraft.xml:" in told
-    assert "left-aileron: <flight_control> has no range" in told
-    assert "propulsion, no engine" in told
+    remarks = "\n".join(result.remarks)
+    assert "YAW: the function : <random> at aircraft.xml:" in remarks
+    assert "left-aileron: <flight_control> has no range" in remarks
+    assert "propulsion, no engine" in remarks
 
 
 def test_a_reference_point_behind_the_centre_of_mass_makes_lift_pitch_the_nose_down(tmp_path: Path) -> None:
