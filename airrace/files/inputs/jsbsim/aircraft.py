@@ -100,7 +100,7 @@ def read_jsbsim_aircraft(path: Path, template: Aircraft) -> JsbsimAircraft:
             lift = dataclasses.replace(lift, **{name: getattr(template.lift, name)})
             remarks.append(f"{name}: no stall within {math.degrees(SWEEP[edge]):.0f} deg; it is the template's")
     drag, drag_table = derivation.drag(attached, template.drag.beta_A_max)
-    propulsion, thrust = template.propulsion, None
+    propulsion, thrust = template.propulsion, template.tables and template.tables.thrust
     if engines:
         thrust = thrust_table(engines, SPEEDS, DENSITIES)
         propulsion = _fitted_propulsion(engines, thrust, template)
