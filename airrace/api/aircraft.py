@@ -19,7 +19,9 @@ def _figure(help: str, *flags: str) -> Option:
 
 
 def estimate_aircraft(
-    name: Annotated[str, Option("Name of the new aircraft, or of one that exists.", "NAME", completion="configs")],
+    name: Annotated[
+        str, Option("Name of the new aircraft, of one that exists, or JSBSim's XML.", "NAME", completion="configs")
+    ],
     *,
     from_: Annotated[
         str | Path | None, Option("Take what is not given from this aircraft.", "FILE", completion="configs")
@@ -47,7 +49,8 @@ def estimate_aircraft(
     """Estimate an aircraft from its flight manual, and compare it with that.
 
     Figures have units. What they leave open stays as in the aircraft of --from, and is marked so in the file. Without
-    --from an aircraft that exists is compared with what its file gives as `published`.
+    --from an aircraft that exists is compared with what its file gives as `published`. A file `.xml` of JSBSim makes an
+    aircraft of its coefficients; limits of speed and load factor are those of --from.
 
     Raises:
         UsageError: a figure is no measure, or no aircraft has these figures; or the file exists.

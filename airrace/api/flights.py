@@ -356,7 +356,7 @@ def film(
 ) -> WrittenFlights:
     """Film a flight, with others beside it: the scene of the report as television shows it (needs Chromium, ffmpeg).
 
-    A film of several flights ends with the moment that cost most, in slow motion.
+    A film of several flights ends with the legs on which the gap changed most, in slow motion, and with the result.
 
     Args:
         watch: is called with the pictures that are drawn and with all, first when the flights are verified.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from airrace.api import aircraft as functions
 from airrace.cli.command import command
 from airrace.cli.printed_result import PrintedResult
+from airrace.pages.views.plain_text import plain
 from airrace.runtime.standard_streams import stem_of
 
 if TYPE_CHECKING:
@@ -17,10 +18,14 @@ if TYPE_CHECKING:
 def aircraft(command_result: PrintedResult, function: "partial[ComparedAircraft]") -> None:
     comparison = function()
     command_result.fields.update(name=comparison.aircraft.name, compared=comparison.table.objects())
+    if comparison.remarks:
+        command_result.fields["not_taken_over"] = list(comparison.remarks)
     if comparison.path is not None:
         remark = f"; fly it with `airrace optimize rovinj_2014 --aircraft {comparison.path}`"
         command_result.add_files(comparison.path, remark=remark)
     command_result.add(comparison.table)
+    if comparison.remarks:
+        command_result.add("\n".join(["not taken over:", *(f"- {plain(remark)}" for remark in comparison.remarks)]))
 
 
 @command(functions.fit)

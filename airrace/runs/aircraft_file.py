@@ -6,7 +6,7 @@ In the file, be it estimated or fitted, every number names the relation it comes
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,17 +14,18 @@ from airrace.errors import InputError, UsageError
 from airrace.files.inputs.aircraft import AircraftEntry, PublishedEntry
 from airrace.files.inputs.document import AIRCRAFT, SUFFIX, Document
 from airrace.files.inputs.inputs import DocumentReader, read_aircraft, read_named
+from airrace.files.inputs.jsbsim.aircraft import SET, read_jsbsim_aircraft
+from airrace.files.inputs.jsbsim.document import HORSEPOWER, POUND
 from airrace.files.inputs.schema import Schema, language_of, si_factor, validate
-from airrace.model.aircraft import Aircraft
+from airrace.model.aircraft import AerodynamicTables, Aircraft
 from airrace.model.dynamics.flight_manual import ManualFigures, Relations, estimate, performance, under
 from airrace.optimal_control.quantities import DEGREE, FOOT, KNOT, Interval
+from airrace.pages.views.plain_text import one_line
 from airrace.pages.views.tables import Column, Table
 from airrace.runs.output import ensure_free, write_text
 
-POUND, MILE = 0.45359237, 1609.344
-"""The pound avoirdupois, kg, and the statute mile, m."""
-HORSEPOWER, METRIC_HORSEPOWER = 745.69987, 735.49875
-"""550 foot-pounds and 75 metre-kilograms per second, W."""
+MILE, METRIC_HORSEPOWER = 1609.344, 735.49875
+"""The statute mile, m, and 75 metre-kilograms per second, W."""
 _MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([^\d\s.,+-].*)?")
 
 
@@ -89,7 +90,7 @@ _HEAD = """\
 #
 # Derivatives are per radian; rates are made dimensionless with b/(2 V) (p, r) and cbar/(2 V) (q, alpha-dot).
 # A positive deflection makes a negative moment about its own axis.
-schema: {language}
+{remarks}schema: {language}
 name: {name}
 source: {source}
 """
@@ -97,11 +98,13 @@ source: {source}
 
 @dataclass(frozen=True)
 class AircraftOrigin:
-    """What an aircraft's numbers come from: the start of a sentence, marks and their meanings, and a source."""
+    """What an aircraft's numbers come from: the start of a sentence, marks and their meanings, a source, and the start
+    of the sentence that refuses an aircraft."""
 
     sentence: str
     marks: tuple[tuple[str, str], ...]
     source: str
+    refusal: str = "these figures make"
 
 
 MANUAL = AircraftOrigin(
@@ -112,6 +115,15 @@ MANUAL = AircraftOrigin(
     ),
     "a flight manual",
 )
+
+
+JSBSIM = AircraftOrigin(
+    "An aircraft that is read from JSBSim's XML",
+    ((SET, "the number of its file, or made of its functions"), ("else", "the relation by which it follows")),
+    "JSBSim's XML",
+    "JSBSim's functions and masses make",
+)
+JSBSIM_SUFFIX = ".xml"
 
 
 @dataclass(frozen=True)
@@ -150,10 +162,11 @@ def aircraft_text(
     relations: Relations,
     figures: ManualFigures | None = None,
     origin: AircraftOrigin = MANUAL,
+    remarks: Sequence[str] = (),
 ) -> str:
     """Return the text of the file of an aircraft that was made of a template, with a manual's figures at its end.
 
-    `named` is how the template was called.
+    `named` is how the template was called; remarks stand as comments below the head.
 
     Raises:
         UsageError: it is no aircraft that flies.
@@ -161,10 +174,16 @@ def aircraft_text(
     name, source = map(json.dumps, (aircraft.name, f"{origin.source}; what that leaves open, {named}"))
     legend = "\n".join(f"#   {mark:<14} {meaning}" for mark, meaning in origin.marks)
     texts = {"origin": origin.sentence, "legend": legend, "name": name, "source": source, "template": named}
-    lines = [_HEAD.format(**texts, language=language_of(AircraftEntry))]
+    comments = "".join(f"# Not taken over: {one_line(remark)}\n" for remark in remarks)
+    lines = [_HEAD.format(**texts, language=language_of(AircraftEntry), remarks=comments and f"#\n{comments}")]
     for group, entry in template.entry:
-        if isinstance(entry, Schema) and group != "published" and (group != "linear" or aircraft.linear):
+        if (
+            isinstance(entry, Schema)
+            and group not in ("published", "tables")
+            and (group != "linear" or aircraft.linear)
+        ):
             lines += [f"{group}:", *_align(list(_numbers(group, entry, aircraft, relations, named))), ""]
+    lines += [] if aircraft.tables is None else _table_lines(aircraft.tables)
     lines += [] if figures is None else ["published:"]
     for field, info in PublishedEntry.model_fields.items():
         key, value = info.alias or field, getattr(figures, field, None)
@@ -174,7 +193,7 @@ def aircraft_text(
         read_aircraft_file(Document(aircraft.name, text))
     except InputError as error:
         first = error.findings[0]
-        message = f"these figures make no aircraft that flies: {first.key}: {first.message}"
+        message = f"{origin.refusal} no aircraft that flies: {first.key}: {first.message}"
         raise UsageError(message) from error
     return text
 
@@ -183,16 +202,42 @@ def _numbers(
     group: str, entry: Schema, aircraft: Aircraft, relations: Relations, named: str
 ) -> Iterator[tuple[str, str]]:
     """Yield the keys of a group with their values, and where each comes from."""
-    V, n_z = aircraft.envelope.V, aircraft.envelope.n_z
+    V, n_z, surfaces = aircraft.envelope.V, aircraft.envelope.n_z, aircraft.surfaces
     ends = {"speed_min_m_s": V.lower, "speed_max_m_s": V.upper, "n_z_min": n_z.lower, "n_z_max": n_z.upper}
+    ends |= {"elevator_travel_deg": surfaces.eta.upper, "aileron_travel_deg": surfaces.xi.upper}
+    ends |= {"rudder_travel_deg": surfaces.zeta.upper}
     for field, info in type(entry).model_fields.items():
         key, value, relation = info.alias or field, getattr(entry, field), relations.get((group, field))
         if value is None:
             continue
         if relation:
-            value = (ends[field] if group == "envelope" else getattr(getattr(aircraft, group), field)) / si_factor(key)
-        text = f"{value:.6g}" if isinstance(value, float) else str(value).lower()
+            value = (ends[field] if field in ends else getattr(getattr(aircraft, group), field)) / si_factor(key)
+        text = f"{value + 0.0:.6g}" if isinstance(value, float) else str(value).lower()
         yield f"  {key}: {text}", relation or named
+
+
+def _table_lines(tables: AerodynamicTables) -> Iterator[str]:
+    """Yield the group of tables."""
+    layout = (
+        ("lift", tables.lift, {"alpha_deg": DEGREE}, "C_L"),
+        ("drag", tables.drag, {"C_L": 1.0, "Re": 1.0}, "C_D"),
+        ("thrust", tables.thrust, {"speed_m_s": 1.0, "density_kg_m3": 1.0}, "thrust_N"),
+    )
+    yield "tables:"
+    for name, table, variables, result in layout:
+        if table is None:
+            continue
+        yield f"  {name}:"
+        for (variable, factor), knots in zip(variables.items(), table.knots, strict=True):
+            yield f"    {variable}: {_row(knot / factor for knot in knots)}"
+        rows = ", ".join(_row(row) for row in table.values)
+        single = _row(row[0] for row in table.values)
+        yield f"    {result}: {single}" if len(variables) == 1 else f"    {result}: [{rows}]"
+    yield ""
+
+
+def _row(values: Iterable[float]) -> str:
+    return f"[{', '.join(f'{value:.7g}' for value in values)}]"
 
 
 def _align(lines: list[tuple[str, str]]) -> Iterator[str]:
@@ -212,11 +257,15 @@ _COLUMNS = (
 
 @dataclass(frozen=True)
 class ComparedAircraft:
-    """An aircraft beside what is published of it; `path` is its file, None for one that existed."""
+    """An aircraft beside what is published of it.
+
+    `path` is its file, None for one that existed; `remarks` say what of a file of JSBSim was not taken over.
+    """
 
     path: Path | None
     aircraft: Aircraft
     figures: ManualFigures
+    remarks: Sequence[str] = ()
 
     @property
     def table(self) -> Table:
@@ -250,7 +299,8 @@ def compare_with_manual(
     """Estimate an aircraft from its flight manual and write its file, or compare one that exists with its manual.
 
     Args:
-        name: the name of the new aircraft; without a template a shipped aircraft, or a file.
+        name: the name of the new aircraft, or a file of JSBSim (`.xml`) from which it is read; without a template a
+            shipped aircraft, or a file.
         figures: texts with units by the keys of `MEASURES`.
         template: the aircraft from which it takes what the manual leaves open: a shipped one, or a file.
         output: the file; by default the name in lower case, with underscores and `.yaml`.
@@ -258,9 +308,14 @@ def compare_with_manual(
 
     Raises:
         UsageError: a figure is no measure, or no aircraft has these figures; or the file exists.
-        InputError: there is no such aircraft.
+        InputError: there is no such aircraft, or the file of JSBSim holds none.
         StorageError: the folder does not exist or takes no files.
     """
+    if name.lower().endswith(JSBSIM_SUFFIX):
+        if figures:
+            first = next(iter(figures)).replace("_", "-")
+            raise UsageError(f"a file of JSBSim says what the aircraft is; use --{first} with --from the file it makes")
+        return _from_jsbsim(Path(name), template, output, force=force)
     read = {key: read_measure(text, MEASURES[key], f"--{key.replace('_', '-')}") for key, text in figures.items()}
     manual = ManualFigures(**read)
     if template is None:
@@ -280,3 +335,23 @@ def compare_with_manual(
     )
     write_text(path, aircraft_text(source, Path(template).stem, aircraft, relations, manual))
     return ComparedAircraft(path, aircraft, manual)
+
+
+def _from_jsbsim(
+    path: Path, template: str | Path | None, output: str | Path | None, *, force: bool
+) -> ComparedAircraft:
+    """Write the file of an aircraft that is read from JSBSim's."""
+    if template is None:
+        raise UsageError("JSBSim has no limits of load factor and speed: name an aircraft that has, e.g. --from zlin50")
+    target = Path(output) if output is not None else Path(path.stem + SUFFIX)
+    ensure_free(target, force=force, sources=[path, template])
+    source = read_aircraft_file(template)
+    read = read_jsbsim_aircraft(path, source.aircraft)
+    try:
+        text = aircraft_text(
+            source, Path(template).stem, read.aircraft, read.relations, origin=JSBSIM, remarks=read.remarks
+        )
+    except UsageError as error:
+        raise UsageError(f"{error}. Not taken over: {'; '.join(read.remarks)}") from error
+    write_text(target, text)
+    return ComparedAircraft(target, read.aircraft, ManualFigures(), read.remarks)

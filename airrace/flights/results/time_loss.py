@@ -223,6 +223,22 @@ def time_loss(comparison: Comparison) -> TimeLoss:
     return TimeLoss(comparison, tuple(_loss(comparison, legs) for legs in groups))
 
 
+def leg_losses(comparison: Comparison) -> tuple[Loss, ...]:
+    """Return what the slower flight loses on every leg by itself, in race order; none of legs that one of them lacks.
+
+    On each leg that is whichever of the two takes longer.
+    """
+    if not all("chi" in flight for flight in (comparison.reference, comparison.flight)):
+        return ()
+    reverse = compare_flights(comparison.flight, comparison.reference)
+    losses: list[Loss] = []
+    for leg, reversed_leg in zip(comparison.legs, reverse.legs, strict=True):
+        if leg.reference.is_complete and leg.flight.is_complete:
+            slower = (comparison, leg) if leg.difference >= 0.0 else (reverse, reversed_leg)
+            losses.append(_loss(slower[0], [slower[1]]))
+    return tuple(losses)
+
+
 def _loss(comparison: Comparison, legs: Sequence[LegComparison]) -> Loss:
     causes = loss_parts(comparison, legs[0])
     for leg in legs[1:]:

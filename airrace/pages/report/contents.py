@@ -33,6 +33,9 @@ The object, with the format's name first:
       flight          its number
       time            when the first flight was at these places, s, n values
       difference      how much later the other flight was there, s, n values
+      legs            those that both completed, [{passing, lost, reasons}]: the number of the passing that ends it,
+                      what the other flight loses on it (s; negative where the first one does), and why the one loses
+                      that does, the greatest reason first: {cause, lost, facts}, texts in the language of the broadcast
 
     broadcast       of films and cards: `decimal`, the sign before decimals; `texts` by their keys, see languages.toml;
                     `subtitle` and `state` of the first flight on a card
@@ -74,12 +77,13 @@ from airrace.flights.results import Flight
 from airrace.flights.results.clearances import with_nearest
 from airrace.flights.results.comparison import SHARES, Comparison
 from airrace.flights.results.flight import BODY_ATTITUDE, Leg, way
+from airrace.flights.results.time_loss import leg_losses
 from airrace.model.track.course import CrowdShape
 from airrace.model.track.element import Element
 from airrace.optimal_control.quantities import DEGREE, KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report.film import Language
-from airrace.pages.report.languages import decimal_sign, graphics_texts, stamp_text
+from airrace.pages.report.languages import decimal_sign, graphics_texts, reason_texts, stamp_text
 from airrace.pages.views.map_model import MapModel, coordinates
 from airrace.pages.views.tables import RACE, Units
 
@@ -215,11 +219,32 @@ def contents_of(
             if colour["history"] in first
         ],
         "differences": [
-            {"flight": number, "time": pack(time), "difference": pack(loss)}
-            for number, (time, loss) in enumerate(map(time_lost, comparisons), start=1)
+            {
+                "flight": number,
+                "time": pack(time),
+                "difference": pack(loss),
+                "legs": _legs_lost(comparison, language, units),
+            }
+            for number, comparison in enumerate(comparisons, start=1)
+            for time, loss in [time_lost(comparison)]
         ],
         "broadcast": {"decimal": decimal_sign(language), "texts": graphics_texts(language), **(card or {})},
     }
+
+
+def _legs_lost(comparison: Comparison, language: Language, units: Units) -> list[dict[str, object]]:
+    """Return the legs of a pair of flights: who loses how much on each, and by what."""
+    numbers = {leg.name: number for number, leg in enumerate(comparison.legs, start=1)}
+    differences = {leg.name: leg.difference for leg in comparison.legs}
+    other_wind = comparison.reference.air.wind != comparison.flight.air.wind
+    return [
+        {
+            "passing": numbers[loss.end],
+            "lost": differences[loss.end],
+            "reasons": reason_texts(loss, other_wind, language, units),
+        }
+        for loss in leg_losses(comparison)
+    ]
 
 
 def _envelope(result: "SafetyResult", flight: Flight) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import itertools
 import json
 import math
 import re
@@ -32,8 +33,6 @@ PIXELS_MIN, PIXELS_MAX = 160, 3840
 RATE_MIN, RATE_MAX = 1.0, 120.0
 """The range of pictures per second."""
 FILMS, CARDS = "films are drawn", "cards are drawn"
-REPLAY_RATE = 0.4
-"""The share of real time in which a moment is shown again."""
 
 
 @dataclass(frozen=True)
@@ -138,8 +137,8 @@ class FilmSettings:
         return Fraction(self.fps).limit_denominator(1000)
 
     @property
-    def shows_again(self) -> bool:
-        """Whether a moment is shown again: in a film of the whole race as television shows it."""
+    def tells_result(self) -> bool:
+        """Whether legs are shown again and the result is told: in a film of the whole race as television shows it."""
         return self.begin is None and self.end is None and self.view is FilmView.TV
 
     def times(self, duration: float) -> list[float]:
@@ -162,10 +161,10 @@ class FilmSettings:
         count = max(math.ceil((end - begin) * self.rate - 1e-6), 1)
         return [min(begin + float(i / self.rate), duration) for i in range(count)]
 
-    def replay_times(self, begin: float, end: float) -> list[float]:
-        """Return the instant of every picture of a stretch that is shown again in slow motion."""
-        count = math.ceil((end - begin) / REPLAY_RATE * self.rate - 1e-6)
-        return [begin + REPLAY_RATE * float(i / self.rate) for i in range(count)]
+    def sequel_times(self, begin: float, end: float, seconds: float) -> list[float]:
+        """Return the instant of every picture of a stretch of the race that is shown again, for so many seconds."""
+        count = math.ceil(seconds * self.rate - 1e-6)
+        return [begin + (end - begin) * i / count for i in range(count)]
 
 
 def film_settings(
@@ -260,18 +259,23 @@ def film_of(
     """
     kind = KINDS[suffix.lower()]
     with page_in_browser(page, FILMS, HARDWARE) as browser:
-        duration, again = browser.value("[airrace.flights[0].duration, airrace.film.replay]")
+        duration, sequel = browser.value("[airrace.flights[0].duration, airrace.film.sequel]")
         instants = [(time, str(settings.view)) for time in settings.times(float(duration))]
-        if again and settings.shows_again:
-            instants += [(time, "replay") for time in settings.replay_times(again["from"], again["to"])]
+        if settings.tells_result:
+            for piece in sequel:
+                times = settings.sequel_times(piece["from"], piece["to"], piece["seconds"])
+                instants += [(time, piece["view"]) for time in times]
         size = [settings.width, settings.height, kind.pictures, settings.graphics_only]
         watch(0, len(instants))
         frames = [f"airrace.film.frame(...{json.dumps([time, view, *size])})" for time, view in instants]
 
         def pictures() -> Iterator[bytes]:
-            drawn = values_in_browsers(browser, page, frames, FILMS, HARDWARE)
-            for number, text in enumerate(drawn, start=1):
-                yield base64.b64decode(text)
+            held = [(frame, len(list(same))) for frame, same in itertools.groupby(frames)]
+            drawn = values_in_browsers(browser, page, [frame for frame, _ in held], FILMS, HARDWARE)
+            number = 0
+            for text, (_, count) in zip(drawn, held, strict=True):
+                yield from itertools.repeat(base64.b64decode(text), count)
+                number += count
                 watch(number, len(frames))
 
         if not kind.encoder:

@@ -7,15 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 
 from airrace.flights.results import Flight
 from airrace.flights.results.stamp import FREEZING
+from airrace.flights.results.time_loss import Cause, Loss
 from airrace.model.environment import atmosphere_parameters, density, temperature
 from airrace.pages.report.film import Language
 from airrace.pages.report.script import FOLDER
+from airrace.pages.views.comparison_tables import difference_value
 from airrace.pages.views.tables import Units
+
+REASONS_MAX, FACTS_MAX = 2, 2
+"""The number of reasons that are told of the loss on a leg, and of facts that explain each of them."""
 
 
 @functools.cache
 def _texts() -> Mapping[str, Mapping[str, Sequence[str]]]:
-    """Return the texts of all languages: those of the graphics, which the page writes, and of what a flight is."""
+    """Return the texts of all languages: of the graphics, which the page writes, of what a flight is, and of losses."""
     return tomllib.loads((FOLDER / "languages.toml").read_text(encoding="utf-8"))
 
 
@@ -58,6 +63,24 @@ def stamp_text(flight: Flight, language: Language, units: Units) -> str:
             reserve = f"{stamp.reserve.asked:g}".replace(".", sign) + reached
         texts.append(f"{say('reserve')}: {reserve}")
     return "; ".join(texts)
+
+
+def reason_texts(loss: Loss, other_wind: bool, language: Language, units: Units) -> list[dict[str, object]]:
+    """Return by what a flight loses its time, the greatest cause first, each with the facts that explain it.
+
+    The rest of the energy is also that of the wind where it is `other_wind` than that of the other flight.
+    """
+    place, sign = list(Language).index(language), decimal_sign(language)
+    causes, fact_texts = _texts()["causes"], _texts()["facts"]
+    reasons: list[dict[str, object]] = []
+    for part in sorted(loss.parts, key=lambda part: -part.amount):
+        if part.cause is None or part.amount <= 0.0:
+            continue
+        values = [(fact.name, difference_value(fact, units).replace(".", sign)) for fact in part.facts[:FACTS_MAX]]
+        facts = [fact_texts[name][place].format(value) for name, value in values]
+        name = "wind" if other_wind and part.cause is Cause.ENERGY else part.cause.value
+        reasons.append({"cause": causes[name][place], "lost": part.amount, "facts": facts})
+    return reasons[:REASONS_MAX]
 
 
 def wind_text(flight: Flight, language: Language, units: Units) -> str:

@@ -77,12 +77,17 @@ def lost_table(
 
 def difference_text(difference: Difference, units: Units = RACE) -> str:
     """Return what a flight does otherwise, in words."""
+    return difference.words.format(difference_value(difference, units))
+
+
+def difference_value(difference: Difference, units: Units = RACE) -> str:
+    """Return by how much a flight does otherwise, with the unit."""
     apart, unit = abs(difference.value - difference.reference), difference.unit
     if unit == "kt":
         apart, unit = apart * KNOT * units.per_m_s, units.speed
     elif unit == "m":
         apart, unit = apart * units.per_m, units.length
-    return difference.words.format(f"{apart:.{difference.digits}f} {unit}")
+    return f"{apart:.{difference.digits}f} {unit}"
 
 
 def loss_head(loss: Loss) -> str:

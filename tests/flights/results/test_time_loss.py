@@ -14,7 +14,7 @@ from example_flights import circling, half_cuban, rovinj, windy
 from airrace.cli.run_tables import comparison_texts
 from airrace.flights.results import Flight
 from airrace.flights.results.comparison import Comparison, compare_flights
-from airrace.flights.results.time_loss import BY, Cause, loss_along, loss_parts, time_loss
+from airrace.flights.results.time_loss import BY, Cause, leg_losses, loss_along, loss_parts, time_loss
 from airrace.model.environment import g0
 from airrace.pages.report.flight_page import flight_page
 from airrace.pages.views.comparison_tables import loss_head, loss_text, part_text
@@ -85,6 +85,17 @@ def test_the_parts_that_are_printed_add_up_to_the_number_beside_them(number: int
             (before, verb, behind) = re.findall(r": (\d+\.\d\d) s (lost|won) to .*, (\d+\.\d\d) s", text)[0]
             traded = Decimal(before) - Decimal(behind)
             assert (traded if verb == "lost" else -traded) == Decimal(total)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_losses_leg_by_leg_are_those_of_whichever_flight_takes_longer_with_its_causes(number: int) -> None:
+    comparison = comparisons()[number]
+    losses = leg_losses(comparison)
+    assert [loss.amount for loss in losses] == pytest.approx([abs(leg.difference) for leg in comparison.legs])
+    for loss, leg in zip(losses, comparison.legs, strict=True):
+        assert (loss.begin, loss.end) == (leg.reference.before.name, leg.name)
+        assert sum(loss.causes.values()) == pytest.approx(loss.amount, abs=1e-12)
+        assert loss.legs[0].reference.time <= loss.legs[0].flight.time
 
 
 def test_what_is_lost_on_a_leg_to_win_the_next_is_one_loss() -> None:

@@ -110,11 +110,12 @@ def test_rates_of_television_are_exact(fps: float, rate: Fraction) -> None:
 
 
 @pytest.mark.parametrize("fps", [25.0, 59.94])
-def test_a_stretch_is_shown_again_in_slow_motion_from_its_begin_to_its_end(fps: float) -> None:
-    times = settings(fps=fps).replay_times(20.0, 22.5)
+def test_a_stretch_is_shown_again_from_its_begin_to_its_end_for_as_long_as_was_asked_for(fps: float) -> None:
+    times = settings(fps=fps).sequel_times(20.0, 22.5, 6.25)
     assert times[0] == 20.0
-    assert np.diff(times) == pytest.approx(0.4 / float(settings(fps=fps).rate))
-    assert 22.5 - 0.4 / fps <= times[-1] < 22.5
+    assert np.diff(times) == pytest.approx(0.4 / float(settings(fps=fps).rate), rel=5e-3)
+    assert 22.5 - 0.41 / fps <= times[-1] < 22.5
+    assert set(settings(fps=fps).sequel_times(50.0, 50.0, 2.0)) == {50.0}
 
 
 @pytest.mark.parametrize(
@@ -122,8 +123,10 @@ def test_a_stretch_is_shown_again_in_slow_motion_from_its_begin_to_its_end(fps: 
     [({}, True), ({"from_": 2.0}, False), ({"to": 9.0}, False), ({"view": "chase"}, False)],
 )
 @pytest.mark.usefixtures("installed")
-def test_only_a_whole_race_as_television_shows_it_ends_with_a_replay(words: dict[str, Any], again: bool) -> None:
-    assert film_settings(MP4, **words).shows_again is again
+def test_only_a_whole_race_as_television_shows_it_ends_with_replays_and_the_result(
+    words: dict[str, Any], again: bool
+) -> None:
+    assert film_settings(MP4, **words).tells_result is again
 
 
 NOON = datetime(2026, 11, 29, 12, 30, 15, 500_000, tzinfo=UTC)

@@ -8,6 +8,8 @@ from report_pages import circle, read
 
 from airrace.errors import UsageError
 from airrace.flights.results import Entrant, Penalty
+from airrace.flights.results.comparison import compare_flights
+from airrace.flights.results.time_loss import FACTS, Cause
 from airrace.pages.report.film import Language, language_named
 from airrace.pages.report.flight_page import flight_page
 from airrace.pages.report.languages import stamp_text
@@ -17,7 +19,7 @@ from airrace.pages.views.tables import RACE
 TEXTS = tomllib.loads((FOLDER / "languages.toml").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("part", ["graphics", "flight"])
+@pytest.mark.parametrize("part", TEXTS)
 def test_every_text_is_there_in_every_language_with_the_same_values(part: str) -> None:
     for key, texts in TEXTS[part].items():
         assert len(texts) == len(Language), key
@@ -42,6 +44,29 @@ def test_what_a_flight_is_has_no_english_word_and_a_decimal_comma(language: Lang
         assert words == []
         assert "1,2" in text
         assert "1.2" not in text
+
+
+def test_every_cause_of_a_loss_on_a_leg_and_every_fact_has_its_text() -> None:
+    carried = {Cause.CARRIED.value}  # of several legs alone
+    assert set(TEXTS["causes"]) == {cause.value for cause in Cause} - carried | {"wind"}
+    assert set(TEXTS["facts"]) == {measure.name for measures in FACTS.values() for measure in measures}
+
+
+@pytest.mark.parametrize("language", Language)
+def test_the_page_knows_what_is_lost_on_every_leg_and_why(language: Language) -> None:
+    flights = half_cuban().flight(), windy().flight()
+    contents = read(flight_page(flights, language=language)).contents
+    legs = contents["differences"][0]["legs"]
+    compared = compare_flights(*flights)
+    assert [leg["passing"] for leg in legs] == list(range(1, len(compared.legs) + 1))
+    assert [leg["lost"] for leg in legs] == pytest.approx([leg.difference for leg in compared.legs])
+    for leg in legs:
+        assert len(leg["reasons"]) <= 2
+        for reason in leg["reasons"]:
+            assert reason["cause"] in [texts[list(Language).index(language)] for texts in TEXTS["causes"].values()]
+            assert reason["lost"] > 0.0
+            assert all("." not in fact or language is Language.EN for fact in reason["facts"])
+    assert any(reason["facts"] for leg in legs for reason in leg["reasons"])
 
 
 def test_in_english_a_film_says_what_the_stamp_says() -> None:

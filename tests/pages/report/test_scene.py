@@ -155,32 +155,176 @@ def test_sectors_have_the_colours_of_television(laptop: Opened) -> None:
     assert own == ["slower", "best", "best"]
 
 
-def test_what_cost_most_is_shown_again_with_both_aircraft_in_the_picture(laptop: Opened) -> None:
-    replay, most, seen = laptop.run(
+def test_the_leg_that_cost_most_is_shown_again_until_both_have_made_it(laptop: Opened) -> None:
+    """With the number that the splits say, and both aircraft in the picture, level where the leg begins."""
+    swings, seen = laptop.run(
         """() => {
-          const { film, scene, flights, graphics } = airrace, view = scene.views.get("replay");
-          const { from, to, flight } = film.replay;
-          const [{ at }] = airrace.strips.differences;
-          const changes = Array.from({ length: 60 }, (_, i) => 0.1 * i)
-            .filter((time) => time + 2.5 <= flights[0].duration)
-            .map((time) => Math.abs(at(time + 2.5) - at(time)));
-          const inside = [];
-          for (let time = from; time <= to; time += 0.1) {
-            view.place(1280, 720, time);
-            view.camera.updateMatrixWorld(true);
-            for (const one of flights) {
-              const { x, y, z } = one.position(time).project(view.camera);
-              inside.push(z < 1 && Math.abs(x) < 1 && Math.abs(y) < 1);
+          const { scene, flights: [lead, other], graphics } = airrace;
+          const seen = graphics.swings.map(({ from, to }, number) => {
+            const view = scene.views.get(`replay ${number + 1}`), inside = [];
+            for (let time = from; time <= to; time += 0.1) {
+              view.place(1280, 720, time);
+              view.camera.updateMatrixWorld(true);
+              for (const flight of [lead, other]) {
+                const { x, y, z } = flight.position(time + view.shiftOf(flight)).project(view.camera);
+                inside.push(z < 1 && Math.abs(x) < 1 && Math.abs(y) < 1);
+              }
             }
-          }
-          return [[from, to, flight, graphics.replay.change], Math.max(...changes), inside];
+            return inside;
+          });
+          return [graphics.swings, seen];
         }"""
     )
-    begin, end, number, change = replay
-    assert end - begin == pytest.approx(2.5)
-    assert number == 1
-    assert abs(change) >= most - 1e-9
-    assert all(seen)
+    compared = half_cuban().compare(windy())
+    largest = max(compared.legs, key=lambda leg: abs(leg.difference))
+    assert largest.name.partition(":")[2] in [swing["leg"]["after"]["name"] for swing in swings]
+    for swing in swings:
+        leg = compared.legs[swing["leg"]["after"]["number"] - 1]
+        assert swing["lost"] == pytest.approx(abs(leg.difference), abs=1e-3)
+        assert swing["loser"] == (1 if leg.difference > 0.0 else 0)
+        assert swing["reasons"]
+        begin = swing["leg"]["before"]["time"]
+        assert swing["from"] <= begin
+        assert swing["to"] >= begin + max(leg.reference.time, leg.flight.time)
+        assert swing["to"] - swing["from"] <= swing["seconds"] <= 12.0
+    assert all(all(pictures) for pictures in seen)
+
+
+SWINGS = """([lost, flights]) => {
+  const made = Array.from({ length: flights }, (_, number) => ({
+    number, passing: (i) => ({ number: i, time: 5 * i + 0.1 * number, name: `g${i}` }),
+  }));
+  const legs = lost.map((one, i) => ({ passing: i + 1, lost: one, reasons: [] }));
+  return new airrace.graphics.constructor(made, "", {}, {}, [{ flight: 1, legs }]).swings
+    .map(({ leg, lost, loser }) => [leg.after.number, lost, loser]);
+}"""
+
+
+@pytest.mark.parametrize(
+    ("lost", "shown"),
+    [
+        ([0.1, -0.4, 1.3, 0.2], [[2, 0.4, 0], [3, 1.3, 1]]),
+        ([0.1, -0.2, 1.3, 0.9], [[3, 1.3, 1]]),
+        ([-2.5, 0.3, 1.3], [[1, 2.5, 0], [3, 1.3, 1]]),
+        ([0.004, -0.003], []),
+        ([], []),
+    ],
+)
+def test_a_second_leg_is_shown_again_that_wins_back_enough(
+    laptop: Opened, lost: list[float], shown: list[list[float]]
+) -> None:
+    assert laptop.run(SWINGS, [lost, 2]) == shown
+
+
+def test_the_result_accounts_for_all_of_the_gap_leg_by_leg_and_counts_penalties(laptop: Opened) -> None:
+    plain, penalised = laptop.run(
+        """() => {
+          const { graphics, flights } = airrace;
+          const told = () => {
+            const { rows, told } = graphics.outcome();
+            const numbered = (values) => values.map(({ flight, total, lost }) => [flight.number, total ?? lost]);
+            return [numbered(rows), numbered(told)];
+          };
+          const plain = told(), [first] = graphics.outcome().rows;
+          first.flight.penalties = [{ time: 1, rule: "bank", gate: "", seconds: 2 }];
+          const penalised = told();
+          first.flight.penalties = [];
+          return [plain, penalised];
+        }"""
+    )
+    (winner, time), (loser, later) = plain[0]
+    assert time < later
+    assert [number for number, _ in penalised[0]] == [loser, winner]
+    for rows, told in (plain, penalised):
+        second = rows[1][0]
+        account = sum(lost if number == second else -lost for number, lost in told)
+        assert account == pytest.approx(rows[1][1] - rows[0][1], abs=0.02)
+
+
+def test_the_verdict_tells_wins_ties_and_races_that_nobody_finished(laptop: Opened) -> None:
+    verdicts = laptop.run(
+        """() => {
+          const row = (label, total) => ({ flight: { label }, total });
+          return [[10, 11.25], [10, 10.0001], [10, Infinity], [Infinity, Infinity]].map(([ada, bo]) =>
+            airrace.graphics.verdict([row("Ada", ada), row("Bo", bo)]));
+        }"""
+    )
+    assert verdicts == ["Ada wins by 1.250 s", "a tie", "Ada wins", "not finished"]
+
+
+def test_gaps_stand_once_and_name_the_gate_of_the_board(laptop: Opened) -> None:
+    """The leg that is flown and the gate of the gap carry the course's names; the marker of a flight out of the picture
+    says the same gap."""
+    states = laptop.run(
+        """() => {
+          const { graphics, flights: [lead, other] } = airrace;
+          const written = [], spy = Object.assign(Object.create(graphics), {
+            panels: [], unit: 1, write: (text) => written.push(text), marker: (box, flight, text) => written.push(text),
+          });
+          const view = airrace.scene.views.get("chase");
+          view.place(1280, 720, 4);
+          const far = Object.assign(Object.create(other), { position: () => lead.position(4).set(9e4, 0, 9e4) });
+          spy.flights = [lead, far];
+          const times = [0.5, 4, 7.5];
+          return times.map((time) => {
+            written.length = 0;
+            spy.outside(1280, 720, time, view);
+            const { place, gapAt, order } = graphics.state(time);
+            return [place, gapAt, order.map(({ gap }) => gap), [...written], graphics.last(time)];
+          });
+        }"""
+    )
+    names = laptop.run("() => airrace.flights[0].passings.map(({ name }) => name)")
+    for place, gap_at, gaps, (marked,), last in states:
+        assert all(name in names for name in place.split(" → "))
+        assert gap_at == (f"gap at {names[last]}" if last else "")
+        assert marked == "" or marked.startswith(f"{max(gaps):.3f} s ")
+        assert bool(marked) == bool(last)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_flight_nearby_is_in_most_pictures_of_the_director(laptop: Opened, shape: str) -> None:
+    seen = laptop.run(
+        """([width, height]) => {
+          const view = airrace.scene.views.get("tv"), [lead, other] = airrace.flights, seen = [];
+          for (let time = 0; time <= lead.duration; time += 0.1) {
+            if (other.position(time).distanceTo(lead.position(time)) > 120) continue;
+            view.place(width, height, time);
+            view.camera.updateMatrixWorld(true);
+            const { x, y, z } = other.position(time).project(view.camera);
+            seen.push(z < 1 && Math.abs(x) < 1 && Math.abs(y) < 1);
+          }
+          return seen;
+        }""",
+        SHAPES[shape],
+    )
+    assert np.mean(seen) > 0.9
+
+
+def test_no_name_lies_on_a_box_of_the_graphics_in_a_film(laptop: Opened) -> None:
+    for view in ("tv", "replay 1", "result"):
+        boxes, panels = laptop.run(
+            """(name) => {
+              const { film, scene, graphics } = airrace, boxes = [];
+              const { fillRect } = CanvasRenderingContext2D.prototype, { draw } = graphics;
+              graphics.draw = (...words) => {
+                draw.apply(graphics, words);
+                CanvasRenderingContext2D.prototype.fillRect = function (...box) {
+                  boxes.push(box);
+                  fillRect.apply(this, box);
+                };
+              };
+              film.frame(4, name, 640, 360);
+              delete graphics.draw;
+              CanvasRenderingContext2D.prototype.fillRect = fillRect;
+              return [boxes, graphics.panels];
+            }""",
+            view,
+        )
+        assert len(panels) >= 1
+        for left, top, wide, high in boxes:
+            for x, y, w, h in panels:
+                assert left >= x + w or x >= left + wide or top >= y + h or y >= top + high
 
 
 def test_names_stand_beside_the_aircraft_and_never_on_one(laptop: Opened) -> None:

@@ -10,18 +10,21 @@ const UP = new Vector3(0, 1, 0);
 // The rules of framing.
 const [SMALLEST, LARGEST] = [0.06, 0.25]; // of the picture's height, that the aircraft takes
 const SHORTEST = 2.5; // s of a shot
+const NEARLY = 1.3; // of the picture, within which the middle of a large aircraft is while a part of it is seen
 const SIDEWAYS = 0.25; // of the speed, across the picture: from there on a flight has a direction in it
 
 // Planning is stricter than the rules, for it looks at few instants.
 const STRICT = { smallest: 0.064, largest: 0.24, edge: 0.94 };
-const INSTANT = 0.1; // s between those that planning looks at
+const INSTANT = 0.05; // s between those that planning looks at
 
 // Composition.
 const LIKED = { gate: 0.13, beside: 0.12, aerial: 0.13, wide: 0.08 }; // of the picture's height, by kind of shot
 const LEVEL = 0.8; // of half of the field: how far the horizon is from the middle at most
 const LEANING = 1.45; // of half of the field: how far from the horizon the aircraft may be
 const ASIDE = 0.6; // of half of the field: how far from the middle the aircraft is put in favour of others
-const COMPANY = 60; // m, within which other flights are kept in the picture
+const [COMPANY, FAR] = [120, 260]; // m, within which other flights are kept in the picture, and beyond which they do not count
+const NEARBY = 400; // m, within which the nearest flight is looked for, from where both are seen
+const CLOSE_BY = 30; // m, below which the direction to it turns too fast for a camera
 const WIDEST = 0.7; // rad, of half of the field
 
 // Places of cameras.
@@ -42,12 +45,12 @@ const GLIMPSE = 0.01; // s between instants at which that is looked at
 // Prices by which shots are chosen: what breaks a rule is worse than anything that is a matter of taste.
 const BROKEN = 10; // once, and for every instant
 const JUMP = 20; // across the line of action
-const HIDDEN = 12; // for a shot in which pylons stand before the aircraft all along
+const HIDDEN = 12; // for a shot in which pylons or others stand before the aircraft all along
 const [SMALL, DISTANT] = [1.5, 0.085]; // for one in which it is smaller than that share of the picture's height all along
 const TWICE = 0.5; // the same kind of shot again
 const TURN = ["aerial", "wide", "aerial", "chase", "beside"]; // kinds between gates that are liked in turn
 const LIKED_IN_TURN = 0.4;
-const ALONE = 12; // for a shot of a replay in which the other flight is out of the picture all along
+const ALONE = { replay: 40, race: 3 }; // for a shot in which a flight nearby is out of the picture all along
 
 /**
  * What the rules ask of a picture.
@@ -88,6 +91,16 @@ function isSeen({ x, y, z }, edge) {
   return z < 1 && Math.abs(x) < edge && Math.abs(y) < edge;
 }
 
+/** Whether any of the company, wholly or in part in a picture, takes more of its height than an aircraft should. */
+function crowded(camera, company, time) {
+  const share = (away) => 2 * Math.tan((camera.fov * Math.PI) / 360) * away;
+  return company.some((flight) => {
+    const place = flight.position(time);
+    const large = flight.visible && flight.aircraft.span > LARGEST * share(place.distanceTo(camera.position));
+    return large && isSeen(place.project(camera), NEARLY);
+  });
+}
+
 /** Which rules a picture breaks, by name. */
 function brokenRules({ size, inside, gate, horizon }, { smallest = SMALLEST, largest = LARGEST } = {}) {
   const broken = [];
@@ -105,12 +118,9 @@ function jumps(before, after) {
 
 /** Chooses the shots for pictures of one shape: `{from, kind, place(camera, time)}` in their order. */
 export class Director {
-  /**
-   * `elements` are those of the course, and `shore` tells the side of the land: there the wide camera stands; `stretch` is what
-   * is shown again, see `costliestOf`.
-   */
-  constructor(flights, elements, shore, sun, chase, stretch = null) {
-    Object.assign(this, { flights, sun, chase, stretch, plans: new Map(), replays: new Map() });
+  /** `elements` are those of the course, and `shore` tells the side of the land: there the wide camera stands. */
+  constructor(flights, elements, shore, sun, chase) {
+    Object.assign(this, { flights, sun, chase, plans: new Map() });
     this.posts = elements.flatMap(({ posts, top }) => posts.map(([north, east]) => placed(north, east, top)));
     const [lead] = flights;
     const places = (flight) => Array.from({ length: Math.ceil(flight.duration / APART) + 1 }, (_, i) => flight.position(i * APART));
@@ -132,16 +142,13 @@ export class Director {
     return this.shots(aspect).findLast(({ from }) => from <= time + 1e-9);
   }
 
-  /** The shot of what is shown again in pictures of a shape: the best by itself that keeps the other flight in sight, too. */
-  replay(aspect) {
-    const key = aspect.toFixed(2);
-    if (!this.replays.has(key)) {
-      const { from, to, flight } = this.stretch;
-      const passings = this.flights[0].passings.map(({ time }) => time).filter((time) => time >= from && time < to);
-      const shots = this.priced(new PerspectiveCamera(40, aspect, 1, 60000), { from, to, passings, rival: this.flights[flight] }, 0);
-      this.replays.set(key, shots.reduce((best, shot) => (shot.price < best.price ? shot : best)));
-    }
-    return this.replays.get(key);
+  /** The shot of what is shown again, see `swingsOf`: the best by itself that keeps the other flight in sight, too. */
+  replay({ from, to, flight, shift }, aspect) {
+    const passings = this.flights[0].passings.map(({ time }) => time).filter((time) => time >= from && time < to);
+    const rival = this.flights[flight].earlier(shift);
+    const piece = { from, to, passings, rival, company: [rival], alone: ALONE.replay };
+    const shots = this.priced(new PerspectiveCamera(40, aspect, 1, 60000), piece, 0);
+    return shots.reduce((best, shot) => (shot.price < best.price ? shot : best));
   }
 
   /** The candidates of a piece with their prices. */
@@ -166,9 +173,12 @@ export class Director {
     return shots.map((shot, i) => ({ ...shot, from: i === 0 ? -Infinity : pieces[i].from }));
   }
 
-  /** The pieces of the race between cuts: `{from, to, passings}`, the gates that are passed in it. */
+  /**
+   * The pieces of the race between cuts: `{from, to, passings, rival, company, alone}`: times of the gates that are passed, who is to
+   * be seen, too, who is kept in the picture while near, and the price of a picture without the rival.
+   */
   pieces() {
-    const [lead] = this.flights;
+    const [lead, ...others] = this.flights;
     const times = lead.passings.map(({ time }) => time).filter((time, i, all) => i === 0 || time > all[i - 1]);
     const cuts = [0];
     const cut = (time, room) => {
@@ -186,39 +196,58 @@ export class Director {
         const [begin, end] = [part, part + 1].map((share) => from + ((ends[i] - from) * share) / parts);
         const last = end > lead.duration - 1e-9; // which the finish belongs to
         const passings = times.filter((time) => time >= begin - 1e-9 && (last || time < end));
-        return { from: begin, to: end, passings };
+        return { from: begin, to: end, passings, rival: this.nearby(0.5 * (begin + end)), company: others, alone: ALONE.race };
       });
     });
+  }
+
+  /** The flight that is nearest to the first one, or null where none is near enough to be seen with it. */
+  nearby(time) {
+    const [lead, ...others] = this.flights;
+    const away = (flight) => flight.position(time).distanceTo(lead.position(time));
+    const near = others.filter((flight) => flight.visible && away(flight) < NEARBY);
+    return near.reduce((nearest, flight) => (nearest === null || away(flight) < away(nearest) ? flight : nearest), null);
+  }
+
+  /** The direction over ground from a rival to the first flight, by time; where they come close, always that of their largest distance. */
+  line(piece, rival) {
+    const at = (time) => this.centre(time).sub(this.centre(time, rival)).setY(0);
+    const count = Math.ceil((piece.to - piece.from) / INSTANT);
+    const lines = Array.from({ length: count + 1 }, (_, i) => at(piece.from + ((piece.to - piece.from) * i) / count));
+    const steady = lines.reduce((longest, line) => (line.length() > longest.length() ? line : longest));
+    return lines.every((line) => line.length() > CLOSE_BY) ? at : () => steady.clone();
   }
 
   /** Shots that a piece may have, which may have a `rival` to be kept in sight: `{kind, taste, place(camera, time)}`. */
   candidates(piece, number) {
     const atGate = piece.passings.length > 0;
     const moment = atGate ? piece.passings[0] : 0.5 * (piece.from + piece.to);
-    const { rival } = piece;
+    const { rival, company } = piece;
     const shots = [];
     const add = (kind, taste, place) => shots.push({ kind, taste, place });
     const liked = (kind) => (atGate ? 1 : kind === TURN[number % TURN.length] ? 0 : LIKED_IN_TURN);
     for (const { eye, price } of this.beside(moment, number)) {
       const kind = atGate ? "gate" : "beside";
-      add(kind, (atGate ? 0 : liked(kind)) + price, (camera, time) => this.aim(camera, eye, time, LIKED[kind], rival));
+      add(kind, (atGate ? 0 : liked(kind)) + price, (camera, time) => this.aim(camera, eye, time, LIKED[kind], company));
     }
     for (let turn = 0; turn < 8; turn += 1)
       for (const up of [6, 14]) {
         const offset = new Vector3(Math.sin((turn * Math.PI) / 4) * OUT, up, Math.cos((turn * Math.PI) / 4) * OUT);
         const glare = offset.clone().normalize().dot(this.sun);
-        add("aerial", liked("aerial") - 0.3 * glare, (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial, rival));
+        const place = (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial, company);
+        add("aerial", liked("aerial") - 0.3 * glare, place);
       }
     // In line with a rival both are seen also in an upright picture, one beyond the other.
+    const line = rival && this.line(piece, rival);
     for (const turn of rival ? [-BESIDE_RIVAL, BESIDE_RIVAL] : [])
       for (const up of [6, 14]) {
         const place = (camera, time) => {
-          const off = this.centre(time).sub(this.centre(time, rival)).setY(0).normalize().applyAxisAngle(UP, turn).multiplyScalar(OUT);
-          this.aim(camera, this.centre(time).add(off.setY(up)), time, LIKED.aerial, rival);
+          const off = line(time).normalize().applyAxisAngle(UP, turn).multiplyScalar(OUT);
+          this.aim(camera, this.centre(time).add(off.setY(up)), time, LIKED.aerial, company);
         };
         add("aerial", liked("aerial"), place);
       }
-    add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide, rival));
+    add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide, company));
     add("chase", liked("chase"), (camera, time) => this.chase.follow(camera, time));
     return shots;
   }
@@ -258,13 +287,13 @@ export class Director {
       shot.place(camera, time);
       const framing = framingOf(camera, lead, time, STRICT.edge);
       if (brokenRules(framing, STRICT).length) broken += 1;
-      if (this.hidden(camera.position, lead.position(time))) hidden += 1;
+      if (this.hidden(camera.position, lead.position(time)) || crowded(camera, piece.company, time)) hidden += 1;
       if (framing.size < DISTANT) distant += 1;
       if (piece.rival && !isSeen(piece.rival.position(time).project(camera), STRICT.edge)) alone += 1;
       across.push(framing.across);
     }
     broken += this.hiddenPassings(camera, shot, piece);
-    const dull = (HIDDEN * hidden + SMALL * distant + ALONE * alone) / (count + 1);
+    const dull = (HIDDEN * hidden + SMALL * distant + piece.alone * alone) / (count + 1);
     const price = shot.taste + dull + (broken ? BROKEN * (1 + broken) : 0);
     return { price, begins: across[0], ends: across.at(-1) };
   }
@@ -304,27 +333,28 @@ export class Director {
     return middle.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(middle.length).lerp(flight.position(time), 0.5);
   }
 
-  /** Look from an eye so that the aircraft has its size, a rival or others near to it are seen, and so is the horizon, as far as can be. */
-  aim(camera, eye, time, liked, rival = null) {
-    const [lead, ...others] = this.flights;
+  /** Look from an eye so that the aircraft has its size, company near to it is seen, and so is the horizon, as far as can be. */
+  aim(camera, eye, time, liked, company) {
+    const [lead] = this.flights;
     const from = eye.clone().setY(Math.max(eye.y, LOWEST));
     const sight = lead.position(time).sub(from);
     const distance = sight.length();
     const fieldOf = (size) => Math.atan(lead.aircraft.span / (2 * distance * size));
-    const company = sight.clone();
+    const middle = sight.clone();
     let members = 1;
-    for (const flight of rival ? [rival] : others) {
+    for (const flight of company) {
       const off = flight.position(time).sub(from);
-      if (!flight.visible || (!rival && off.distanceTo(sight) > COMPANY)) continue;
-      company.add(off);
-      members += 1;
+      const counts = flight.visible ? Math.min(Math.max((FAR - off.distanceTo(sight)) / (FAR - COMPANY), 0), 1) : 0;
+      middle.addScaledVector(off, counts);
+      members += counts;
     }
-    company.divideScalar(members);
+    middle.divideScalar(members);
     const elevation = Math.asin(sight.y / distance);
-    const wanted = Math.max(fieldOf(liked), Math.abs(elevation) / LEANING, 2.2 * sight.angleTo(company));
+    const shared = Math.min(2.2 * sight.angleTo(middle), fieldOf(DISTANT));
+    const wanted = Math.max(fieldOf(liked), Math.abs(elevation) / LEANING, shared);
     const half = Math.max(Math.min(wanted, fieldOf(1.15 * STRICT.smallest), WIDEST), fieldOf(0.8 * STRICT.largest));
-    const apart = sight.angleTo(company);
-    const look = sight.clone().lerp(company, apart > 0 ? Math.min(1, (ASIDE * half * Math.min(1, camera.aspect)) / apart) : 0);
+    const apart = sight.angleTo(middle);
+    const look = sight.clone().lerp(middle, apart > 0 ? Math.min(1, (ASIDE * half * Math.min(1, camera.aspect)) / apart) : 0);
     const level = Math.hypot(look.x, look.z);
     const pitch = Math.min(Math.max(Math.atan2(look.y, level), -LEVEL * half), LEVEL * half);
     camera.fov = (360 * half) / Math.PI;
@@ -371,15 +401,25 @@ export class Television {
   }
 }
 
-/** The same of what is shown again. */
+/** The same of what is shown again, where the other flight begins the leg at the instant at which the first one does. */
 export class Replay extends Television {
-  constructor(director) {
+  constructor(director, swing, number) {
     super(director);
-    this.name = "replay";
+    Object.assign(this, { name: `replay ${number + 1}`, swing, shots: new Map() });
+  }
+
+  shows(flight) {
+    return flight.number === 0 || flight.number === this.swing.flight;
+  }
+
+  shiftOf(flight) {
+    return flight.number === this.swing.flight ? this.swing.shift : 0;
   }
 
   shot(_, aspect) {
-    return this.director.replay(aspect);
+    const key = aspect.toFixed(2);
+    if (!this.shots.has(key)) this.shots.set(key, this.director.replay(this.swing, aspect));
+    return this.shots.get(key);
   }
 }
 

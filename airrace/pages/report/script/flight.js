@@ -78,6 +78,11 @@ export class Flight {
     return placed(this.value("north", time), this.value("east", time), this.value("up", time), target);
   }
 
+  /** The same flight, so much earlier (s) in space. */
+  earlier(shift) {
+    return Object.assign(Object.create(this), { position: (time, target) => this.position(time + shift, target) });
+  }
+
   /** Where it is at a sample, in the scene. */
   positionOf(i, target = new Vector3()) {
     return placed(this.history("north")[i], this.history("east")[i], this.history("up")[i], target);

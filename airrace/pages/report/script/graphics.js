@@ -2,8 +2,8 @@
 // and pictures with them for films and cards: the page is asked for one instant after the other.
 
 import { Vector3 } from "three";
-import { sized, writeLabels } from "./scene.js";
-import { signed, written } from "./values.js";
+import { overlap, RESULT, sized, writeLabels } from "./scene.js";
+import { signed, swingsOf, written } from "./values.js";
 
 const SHOWN = 2.6; // s, that a split stays
 const FADE = 0.25; // s, in which it appears and goes
@@ -17,11 +17,16 @@ const SECTOR = { best: "#c77dff", own: FASTER, slower: "#ffd166" }; // of all, o
 const PRESENTED = { from: 0.3, to: 4.8 }; // s, in which it is told who flies
 const DISQUALIFIED = "DSQ"; // the abbreviation of result lists in all languages
 const CALLED = 4; // s, that a penalty stays
+const TOLD = 0.02; // s, that is lost on a leg from which on the result tells of it
+const RESULT_SHOWN = 8; // s
+const PENALTIES = 3; // of which the result tells
+const EDGE = 26; // pixels, in a picture of FULL, that are left free along its edges
 
 export class Graphics {
-  /** `title` is the name of the course, `broadcast` has the texts, and `replay` is what is shown again, see `costliestOf`. */
-  constructor(flights, title, units, broadcast, replay) {
-    Object.assign(this, { flights, title, lead: flights[0], units, broadcast, replay });
+  /** `title` is the name of the course, `broadcast` has the texts, and `differences` are those of the flights. */
+  constructor(flights, title, units, broadcast, differences) {
+    Object.assign(this, { flights, title, lead: flights[0], units, broadcast, differences, panels: [] });
+    this.swings = swingsOf(differences, flights);
   }
 
   /** A text in the language of the broadcast, with values in their places. */
@@ -35,7 +40,7 @@ export class Graphics {
   }
 
   /**
-   * Draw what belongs over a picture.
+   * Draw what belongs over a picture; `panels` are then the boxes that are covered: left, top, width, height.
    *
    * @param context of a canvas, in pixels of the page.
    * @param view that is shown, placed.
@@ -44,20 +49,22 @@ export class Graphics {
    */
   draw(context, width, height, time, view, { whole = false, top = 0, bottom = 0 } = {}) {
     this.context = context;
-    this.unit = Math.max(Math.sqrt((width * height) / FULL), whole ? 0.4 : 0.78);
+    this.unit = unitOf(width, height, whole ? 0.4 : 0.78);
     context.lineJoin = "round";
-    const edge = whole ? 26 * this.unit : 10;
+    const edge = whole ? EDGE * this.unit : 10;
+    this.panels = [];
     if (view.seat) this.headUp(width, height, time, view.camera);
     if (!view.follows && !whole) return;
-    this.tower(edge, top + edge, time, whole);
+    if (view.name === RESULT) return this.result(width, height - edge);
+    if (view.swing) this.repeated(edge, edge, Math.min(width - 2 * edge, 430 * this.unit), view.swing);
+    else this.tower(edge, top + edge, time, whole);
     const gauged = whole && !view.seat;
     // Upright there is no room beside the gauges.
     const above = gauged && width < 1.2 * height ? 84 * this.unit : 0;
-    this.split(0.5 * width, height - bottom - edge - above, time);
+    if (!view.swing) this.split(0.5 * width, height - bottom - edge - above, time);
     if (gauged) this.gauges(width - edge, height - edge, time);
-    if (!whole) return;
-    if (view.name === "replay") this.repeated(width - edge, edge);
-    else this.presentation(edge, height - edge - (above && above + 58 * this.unit), time);
+    if (whole && !view.swing) this.presentation(edge, height - edge - (above && above + 58 * this.unit), time);
+    if (view.camera && view.follows && !view.seat) this.outside(width, height, time, view);
   }
 
   /**
@@ -66,12 +73,18 @@ export class Graphics {
    */
   order(time) {
     const visible = this.flights.filter((flight) => flight.visible && flight.passings.length);
-    const racing = visible.filter((flight) => time <= flight.duration || flight.raceTime !== null);
-    const last = Math.min(...(racing.length ? racing : visible).map((flight) => flight.passings[flight.leg(time)].number));
+    const last = this.last(time);
     const times = new Map(visible.map((flight) => [flight, flight.passing(last)?.time ?? Infinity]));
     const first = Math.min(...times.values());
     const sorted = [...visible].sort((a, b) => (times.get(a) === times.get(b) ? 0 : times.get(a) - times.get(b)));
     return sorted.map((flight) => ({ flight, gap: times.get(flight) < Infinity ? times.get(flight) - first : NaN }));
+  }
+
+  /** The number of the last passing that all have made which are still in the race. */
+  last(time) {
+    const visible = this.flights.filter((flight) => flight.visible && flight.passings.length);
+    const racing = visible.filter((flight) => time <= flight.duration || flight.raceTime !== null);
+    return Math.min(...(racing.length ? racing : visible).map((flight) => flight.passings[flight.leg(time)].number));
   }
 
   /** The sectors of a flight so far, from passing to passing, in the colours of television; none where nothing compares. */
@@ -97,41 +110,45 @@ export class Graphics {
     return Math.max(1, ...this.lead.passings.map(({ lap }) => lap ?? 1));
   }
 
-  /** What is written at the upper left: clock, lap and gate, the flights in their order, and whether the first one is done. */
+  /** What is written at the upper left: clock, lap and leg, the flights in their order and where, and whether the first one is done. */
   state(time) {
     const { passings, duration } = this.lead;
     const leg = this.lead.leg(time);
     const last = passings.length - 1;
-    const { laps } = this;
     const done = time >= duration - 1e-6;
-    const gate = done ? this.say("finish") : this.say("gate", Math.min(leg + 1, last), last);
+    const now = done ? Infinity : time; // the result, though others finish later
+    const compared = this.last(now);
     return {
       clock: this.number(Math.min(time, duration), 2),
-      place: laps > 1 ? `${this.say("lap", passings[Math.min(leg + 1, last)].lap, laps)}, ${gate}` : gate,
-      order: this.order(done ? Infinity : time),
+      lap: this.lapName(passings[Math.min(leg + 1, last)]),
+      place: done || leg === last ? this.say("finish") : legName({ before: passings[leg], after: passings[leg + 1] }),
+      order: this.order(now),
+      gapAt: compared > 0 && this.flights.length > 1 ? this.say("gap at", this.lead.passing(compared)?.name ?? "") : "",
       done,
     };
   }
 
   tower(left, top, time, whole) {
     const u = this.unit;
-    const { clock, place, order, done } = this.state(time);
+    const { clock, lap, place, order, gapAt, done } = this.state(time);
     const now = done ? Infinity : time; // the result, though others finish later
     const compares = order.length > 1 || this.laps > 1;
     const [wide, row] = [252 * u, 34 * u];
     const heading = whole && this.title;
-    const high = (heading ? 30 * u : 0) + 62 * u + (compares ? row * order.length + 6 * u : 0);
+    const high = (heading ? 30 * u : 0) + 80 * u + (compares ? row * order.length + 6 * u : 0);
     this.panel(left, top, wide, high);
     let y = top + (heading ? 30 * u : 0);
     if (heading) this.write(this.title, left + 14 * u, top + 24 * u, 15, { weight: 600, colour: PALE, within: wide - 28 * u });
     this.write(clock, left + 14 * u, y + 43 * u, 38, { weight: 700 });
-    this.write(place, left + wide - 14 * u, y + 41 * u, 14, { align: "right", colour: PALE, within: 120 * u });
+    this.write(lap, left + wide - 14 * u, y + 41 * u, 14, { align: "right", colour: PALE, within: 100 * u });
     y += 62 * u;
-    const begun = time > (order[0]?.flight.passing(1)?.time ?? Infinity);
+    this.write(place, left + 14 * u, y + 8 * u, 14, { within: 108 * u });
+    this.write(gapAt, left + wide - 14 * u, y + 8 * u, 14, { align: "right", colour: PALE, within: 108 * u });
+    y += 18 * u;
     for (const [i, { flight, gap }] of compares ? order.entries() : []) {
       const added = this.added(flight, now);
       const first = done ? this.number(flight.raceTime, 3) : this.say("ahead");
-      const text = !begun || order.length < 2 ? "" : i === 0 ? first : Number.isFinite(gap) ? this.number(gap, 3, signed) : "";
+      const text = !gapAt || order.length < 2 ? "" : i === 0 ? first : Number.isFinite(gap) ? this.number(gap, 3, signed) : "";
       this.context.fillStyle = flight.colour;
       this.context.fillRect(left + 14 * u, y + 4 * u, 6 * u, 22 * u);
       this.write(shortened(flight.label), left + 28 * u, y + 17.5 * u, 16, { weight: flight === this.lead ? 650 : 500, within: (added ? 86 : 132) * u });
@@ -170,12 +187,13 @@ export class Graphics {
     );
     called.forEach(({ flight, rule, gate, seconds }, i) => {
       const y = top + 52 * i * u;
-      const price = seconds > 0 ? ` +${this.number(seconds, Number.isInteger(seconds) ? 0 : 1)} s` : "";
+      const costs = seconds === null || seconds > 0;
+      const price = seconds === null ? this.say("race over") : `${this.say("penalty")} +${this.number(seconds, Number.isInteger(seconds) ? 0 : 1)} s`;
       this.panel(left, y, 252 * u, 46 * u);
       this.context.fillStyle = SLOWER;
       this.context.fillRect(left + 14 * u, y + 8 * u, 6 * u, 30 * u);
-      this.write(seconds === null ? this.say("race over") : `${this.say("penalty")}${price}`, left + 28 * u, y + 20 * u, 16, { weight: 700, colour: SLOWER, within: 210 * u });
-      const words = [this.flights.length > 1 ? shortened(flight.label) : "", this.say(rule), gate].filter(Boolean).join(", ");
+      this.write(costs ? price : this.say(rule), left + 28 * u, y + 20 * u, 16, { weight: 700, colour: SLOWER, within: 210 * u });
+      const words = [this.flights.length > 1 ? shortened(flight.label) : "", costs && this.say(rule), gate].filter(Boolean).join(", ");
       this.write(words, left + 28 * u, y + 38 * u, 14, { within: 210 * u });
     });
   }
@@ -202,43 +220,186 @@ export class Graphics {
     this.context.globalAlpha = 1;
   }
 
-  /** That something is shown again, and who loses how much in it. */
-  repeated(right, top) {
+  /** That a leg is shown again, who loses how much on it, and why. */
+  repeated(left, top, wide, { leg, loser, lost, reasons }) {
     const u = this.unit;
-    const { flight, change } = this.replay;
-    const loser = change > 0 ? this.flights[flight] : this.lead;
-    const wide = 300 * u;
-    this.panel(right - wide, top, wide, 66 * u);
-    this.write(this.say("replay"), right - 14 * u, top + 28 * u, 22, { weight: 750, align: "right", colour: SECTOR.slower, within: wide - 28 * u });
-    this.context.fillStyle = loser.colour;
-    this.context.fillRect(right - wide + 14 * u, top + 38 * u, 6 * u, 18 * u);
-    this.write(shortened(loser.label), right - wide + 28 * u, top + 54 * u, 17, { weight: 600, within: 160 * u });
-    const lost = `${this.number(Math.abs(change), 3, signed)} s`;
-    this.write(lost, right - 14 * u, top + 54 * u, 19, { weight: 700, align: "right", colour: SLOWER });
+    const flight = this.flights[loser];
+    const high = (100 + 22 * reasons.length) * u;
+    this.panel(left, top, wide, high);
+    this.write(this.say("replay"), left + 14 * u, top + 28 * u, 22, { weight: 750, colour: SECTOR.slower, within: 180 * u });
+    const within = wide - 216 * u;
+    this.write(legName(leg), left + wide - 14 * u, top + 27 * u, 17, { weight: 650, align: "right", within });
+    this.write(this.say("level", leg.before.name), left + 14 * u, top + 50 * u, 14, { colour: PALE, within: wide - 140 * u });
+    this.write(this.lapName(leg.after), left + wide - 14 * u, top + 50 * u, 14, { align: "right", colour: PALE, within: 100 * u });
+    this.named(flight, left + 14 * u, top + 62 * u, 220 * u);
+    const text = `${this.number(lost, 3, signed)} s`;
+    this.write(text, left + wide - 14 * u, top + 79 * u, 20, { weight: 700, align: "right", colour: SLOWER });
+    reasons.forEach((reason, i) => this.write(reasonText(reason), left + 28 * u, top + (104 + 22 * i) * u, 16, { within: wide - 42 * u }));
   }
 
-  /** After a passing its time, and how far the others were behind it or before it there. */
+  /** The colour and the name of a flight. */
+  named(flight, left, top, within) {
+    const u = this.unit;
+    this.context.fillStyle = flight.colour;
+    this.context.fillRect(left, top, 6 * u, 22 * u);
+    this.write(shortened(flight.label), left + 14 * u, top + 17 * u, 18, { weight: 650, within });
+  }
+
+  /** In which lap a passing is, where there are several. */
+  lapName({ lap }) {
+    return this.laps > 1 ? this.say("lap", lap, this.laps) : "";
+  }
+
+  /** The result of a race of several flights: who has won and by how much, and where time was lost, by whom and why. */
+  result(width, bottom) {
+    const u = this.unit;
+    const { rows, told, high: units } = this.outcome();
+    const wide = Math.min(width - 52 * u, 940 * u);
+    const [left, row, high] = [0.5 * (width - wide), 28 * u, units * u];
+    const right = left + wide - 16 * u;
+    let y = bottom - high;
+    this.panel(left, y, wide, high);
+    const [winner] = rows;
+    this.write(this.verdict(rows), left + 16 * u, y + 36 * u, 27, { weight: 750, within: wide - 32 * u });
+    y += 50 * u;
+    for (const { flight, total, added } of rows) {
+      this.named(flight, left + 16 * u, y, 0.3 * wide);
+      const time = flight.raceTime === null ? this.say("not finished") : this.number(flight.raceTime, 3);
+      const penalty = added && `${this.say("penalty")} ${added}`;
+      this.write(penalty, left + 0.58 * wide, y + 17 * u, 16, { align: "right", colour: SLOWER, within: 0.22 * wide });
+      this.write(time, left + 0.78 * wide, y + 17 * u, 18, { align: "right", weight: 650, within: 0.19 * wide });
+      const behind = total === winner.total || total === Infinity ? "" : `${this.number(total - winner.total, 3, signed)} s`;
+      this.write(behind, right, y + 17 * u, 18, { align: "right", weight: 700, colour: SLOWER, within: 0.19 * wide });
+      y += row;
+    }
+    if (told.length) this.write(this.say("where"), left + 16 * u, y + 19 * u, 14, { colour: PALE, within: wide - 32 * u });
+    y += 28 * u;
+    for (const { name, lap, flight, lost, reasons } of told) {
+      this.write(name, left + 16 * u, y + (lap ? 14 : 19) * u, 17, { weight: 650, within: 0.17 * wide });
+      this.write(lap, left + 16 * u, y + 31 * u, 13, { colour: PALE, within: 0.17 * wide });
+      this.named(flight, left + 0.205 * wide, y + 2 * u, 0.15 * wide);
+      const bold = { align: "right", weight: 700, colour: SLOWER, within: 0.12 * wide };
+      const text = lost === null ? DISQUALIFIED : `${this.number(lost, 3, signed)} s`;
+      this.write(text, left + 0.51 * wide, y + 19 * u, 18, bold);
+      const [x, within] = [left + 0.53 * wide, right - left - 0.53 * wide];
+      const first = reasons.length > 1 ? 14 : 19;
+      reasons.forEach((reason, i) => this.write(reason, x, y + (first + 18 * i) * u, 15, { within }));
+      y += 40 * u;
+    }
+  }
+
+  /** Who has won, and by how much, in words. */
+  verdict([winner, second]) {
+    const name = shortened(winner.flight.label);
+    if (winner.total === Infinity) return this.say("not finished");
+    if (!second || second.total === Infinity) return this.say("won", name);
+    const gap = second.total - winner.total;
+    return gap < 0.0005 ? this.say("tie") : this.say("won by", name, this.number(gap, 3));
+  }
+
+  /** What the result tells: `rows` of all flights in their order, in which penalties count; `told`, what cost whom time; how `high` it is. */
+  outcome() {
+    const rows = this.flights.filter(({ visible }) => visible).map((flight) => {
+      const added = flight.penalties.reduce((sum, { seconds }) => sum + (seconds ?? Infinity), 0);
+      return { flight, total: (flight.raceTime ?? Infinity) + added, added: this.added(flight, Infinity) };
+    });
+    rows.sort((a, b) => (a.total === b.total ? 0 : a.total - b.total));
+    const [first, second] = rows.map(({ flight }) => flight);
+    const told = [...this.costlyPenalties(rows), ...this.costlyLegs(first === this.lead ? second : first)];
+    return { rows, told, high: 56 + 28 * rows.length + (told.length && 28 + 40 * told.length) };
+  }
+
+  /** The penalties that cost most, as `{name, lap, flight, lost, reasons}`; what is lost is null where the race was over. */
+  costlyPenalties(rows) {
+    const cost = ({ lost }) => lost ?? Infinity;
+    const reasonsOf = ({ rule, seconds }) => [`${this.say(seconds === null ? "race over" : "penalty")}: ${this.say(rule)}`];
+    const called = rows.flatMap(({ flight }) =>
+      flight.penalties.map((penalty) => ({ name: penalty.gate, lap: "", flight, lost: penalty.seconds, reasons: reasonsOf(penalty) })),
+    );
+    return called.filter((penalty) => cost(penalty) > 0).sort((a, b) => (cost(a) === cost(b) ? 0 : cost(b) - cost(a))).slice(0, PENALTIES);
+  }
+
+  /** The two legs on which the first flight lost most against another one, and the two of that; then all others together. */
+  costlyLegs(other) {
+    const legs = this.differences.find(({ flight }) => flight === other?.number)?.legs ?? [];
+    const ranked = legs.filter(({ lost }) => Math.abs(lost) >= TOLD).sort((a, b) => Math.abs(b.lost) - Math.abs(a.lost));
+    const chosen = [1, -1].flatMap((sense) => ranked.filter(({ lost }) => sense * lost > 0).slice(0, 2));
+    const entry = (name, lap, lost, reasons) => ({ name, lap, flight: lost > 0 ? other : this.lead, lost: Math.abs(lost), reasons });
+    const told = chosen.sort((a, b) => a.passing - b.passing).map(({ passing, lost, reasons }) => {
+      const leg = { before: this.lead.passing(passing - 1), after: this.lead.passing(passing) };
+      return entry(legName(leg), this.lapName(leg.after), lost, reasons.map((reason) => reasonText(reason, 1)));
+    });
+    const finished = other && this.lead.raceTime !== null && other.raceTime !== null;
+    const sum = (some) => some.reduce((total, { lost }) => total + lost, 0);
+    const rest = (finished ? other.raceTime - this.lead.raceTime : sum(legs)) - sum(chosen);
+    if (!told.length || Math.abs(rest) < TOLD) return told;
+    const causes = new Map();
+    const same = legs.filter((leg) => !chosen.includes(leg) && leg.lost * rest > 0).flatMap(({ reasons }) => reasons);
+    for (const { cause, lost } of same) causes.set(cause, (causes.get(cause) ?? 0) + lost);
+    const reasons = [...causes].sort((a, b) => b[1] - a[1]).slice(0, 2).map(([cause]) => cause);
+    return [...told, entry(this.say("others"), "", rest, reasons)];
+  }
+
+  /** Where flights are that are not in the picture, and how far behind or ahead of the first one they were at the last passing. */
+  outside(width, height, time, view) {
+    const u = this.unit;
+    const order = new Map(this.order(time).map(({ flight, gap }) => [flight, gap]));
+    const tells = !view.swing && this.last(time) > 0;
+    for (const flight of this.flights.slice(1)) {
+      if (!flight.visible || !(view.shows?.(flight) ?? true)) continue;
+      const at = flight.position(time + (view.shiftOf?.(flight) ?? 0)).project(view.camera);
+      if (at.z < 1 && Math.abs(at.x) < 1 && Math.abs(at.y) < 1) continue;
+      const sense = at.z < 1 ? 1 : -1; // behind the camera places are mirrored
+      const reach = Math.max(Math.abs(at.x), Math.abs(at.y), 1e-9);
+      const [x, y] = [(sense * at.x) / reach, (-sense * at.y) / reach];
+      const [across, down] = [0.5 * width + x * (0.5 * width - 70 * u), 0.5 * height + y * (0.5 * height - 40 * u)];
+      const behind = order.get(flight) - order.get(this.lead);
+      const text = tells && Number.isFinite(behind) ? this.say(behind > 0 ? "behind" : "in front", this.number(Math.abs(behind), 3)) : "";
+      const box = this.clearOf([across - 60 * u, down - 24 * u, 120 * u, 48 * u], height);
+      if (box !== null) this.marker(box, flight, text, Math.atan2(y * height, x * width));
+    }
+  }
+
+  /** A box of this size, pushed down or up from the panels that it would lie on; null where there is no room. */
+  clearOf([left, top, wide, high], height) {
+    const room = 8 * this.unit;
+    const free = (y) => y >= 0 && y + high <= height && !this.panels.some((panel) => overlap([left, y, wide, high], panel, 0));
+    const tops = [top, ...this.panels.flatMap((panel) => [panel[1] + panel[3] + room, panel[1] - high - room])].filter(free);
+    return tops.length ? [left, tops.reduce((best, y) => (Math.abs(y - top) < Math.abs(best - top) ? y : best)), wide, high] : null;
+  }
+
+  marker([left, top, wide, high], flight, text, angle) {
+    const { context, unit: u } = this;
+    this.panel(left, top, wide, high);
+    context.save();
+    context.translate(left + 16 * u, top + 0.5 * high);
+    context.rotate(angle);
+    context.fillStyle = flight.colour;
+    context.beginPath();
+    for (const [x, y] of [[12, 0], [-10, -7], [-5, 0], [-10, 7]]) context.lineTo(x * u, y * u);
+    context.fill();
+    context.restore();
+    this.write(shortened(flight.label), left + 32 * u, top + (text ? 20 : 29) * u, 15, { weight: 650, within: wide - 38 * u });
+    this.write(text, left + 32 * u, top + 38 * u, 14, { within: wide - 38 * u });
+  }
+
+  /** After a passing of the first flight its time. */
   split(middle, bottom, time) {
     const { passings } = this.lead;
     const number = this.lead.leg(time);
     const passing = passings[number];
     const since = passing ? time - passing.time : Infinity;
     const final = number === passings.length - 1;
-    if (number < 1 || since < 0 || (since > SHOWN && !final)) return;
+    if (number < 1 || since < -1e-3 || (since > SHOWN && !final)) return;
     const u = this.unit;
-    const rivals = this.flights.filter((flight) => flight.visible && flight !== this.lead);
-    const times = rivals.map((flight) => flight.passing(passing.number)?.time).filter((then) => then !== undefined);
-    const ahead = times.length ? passing.time - Math.min(...times) : NaN;
+    const several = this.flights.length > 1;
     this.context.globalAlpha = final ? 1 : Math.min(1, since / FADE, (SHOWN - since) / FADE);
-    const [wide, high] = [(Number.isFinite(ahead) ? 292 : 200) * u, 50 * u];
+    const [wide, high] = [(several ? 330 : 200) * u, 50 * u];
     const [left, top] = [middle - 0.5 * wide, bottom - high];
     this.panel(left, top, wide, high);
-    this.write(final ? this.say("finish") : passing.name, left + 16 * u, top + 32 * u, 17, { colour: PALE, within: 78 * u });
-    this.write(this.number(passing.time, 3), left + 182 * u, top + 34 * u, 25, { weight: 700, align: "right" });
-    if (Number.isFinite(ahead)) {
-      const colour = ahead <= 0 ? FASTER : SLOWER;
-      this.write(this.number(ahead, 3, signed), left + wide - 16 * u, top + 33 * u, 21, { weight: 700, align: "right", colour });
-    }
+    if (several) this.named(this.lead, left + 14 * u, top + 14 * u, 102 * u);
+    this.write(final ? this.say("finish") : passing.name, left + wide - 184 * u, top + 32 * u, 17, { colour: PALE, within: 68 * u });
+    this.write(this.number(passing.time, 3), left + wide - 16 * u, top + 34 * u, 25, { weight: 700, align: "right" });
     this.context.globalAlpha = 1;
   }
 
@@ -343,6 +504,7 @@ export class Graphics {
   }
 
   panel(left, top, wide, high) {
+    this.panels.push([left, top, wide, high]);
     this.context.fillStyle = PANEL;
     this.context.beginPath();
     this.context.roundRect(left, top, wide, high, 7 * this.unit);
@@ -381,6 +543,21 @@ export class Graphics {
   }
 }
 
+/** Pixels of a unit in which sizes are those of a picture of FULL, at least so many. */
+function unitOf(width, height, least = 0) {
+  return Math.max(Math.sqrt((width * height) / FULL), least);
+}
+
+/** From which passing to which one. */
+function legName({ before, after }) {
+  return `${before.name} → ${after.name}`;
+}
+
+/** A reason of a loss with at most so many of the facts that explain it. */
+function reasonText({ cause, facts }, most = Infinity) {
+  return facts.length ? `${cause} (${facts.slice(0, most).join(", ")})` : cause;
+}
+
 /** What people call a flight, without what tells them that it lies in a file. */
 function shortened(label) {
   const name = label.replace(/\.h5(?=:|$)/, "");
@@ -400,9 +577,12 @@ export class Film {
     Object.assign(this, { scene, graphics, clock, sheet: document.createElement("canvas") });
   }
 
-  /** What is shown again behind the finish: `{from, to}`, s; or null. */
-  get replay() {
-    return this.graphics.replay;
+  /** What follows the finish of several flights: `[{view, from, to, seconds}]`, instants of the race and how long they are shown. */
+  get sequel() {
+    const { swings, lead, flights } = this.graphics;
+    const replays = swings.map(({ from, to, seconds }, number) => ({ view: `replay ${number + 1}`, from, to, seconds }));
+    const result = { view: RESULT, from: lead.duration, to: lead.duration, seconds: RESULT_SHOWN };
+    return flights.length > 1 ? [...replays, result] : [];
   }
 
   /**
@@ -412,11 +592,13 @@ export class Film {
    * @param alone whether graphics are drawn alone, on nothing; else over the scene in the view of a name.
    */
   frame(time, name, width, height, type = "jpeg", alone = false) {
-    const view = alone ? { name, follows: true } : this.scene.views.get(name);
-    const context = alone ? sized(this.sheet, width, height, 1) : this.drawn(time, view, width, height, [0, 0], 1);
-    const size = NAMES * Math.sqrt((width * height) / FULL);
-    if (!alone) writeLabels(context, this.scene.labels, view.camera, width, height, size);
+    const shown = this.scene.views.get(name);
+    const view = alone ? { name, follows: true, swing: shown.swing } : shown;
+    const covered = [0, name === RESULT ? (this.graphics.outcome().high + 2 * EDGE) * unitOf(width, height) : 0];
+    const context = alone ? sized(this.sheet, width, height, 1) : this.drawn(time, view, width, height, covered, 1);
     this.graphics.draw(context, width, height, time, view, { whole: true });
+    const size = NAMES * unitOf(width, height);
+    if (!alone) writeLabels(context, this.scene.labels, view.camera, width, height, size, this.graphics.panels);
     this.graphics.stamp(width, height);
     return this.sheet.toDataURL(`image/${type}`, QUALITY).split(",")[1];
   }

@@ -6,7 +6,7 @@ import { Film, Graphics } from "./graphics.js";
 import { LossMap } from "./map.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
-import { costliestOf, differencesOf, watchTheme, written } from "./values.js";
+import { differencesOf, watchTheme, written } from "./values.js";
 
 const PICTURES = [
   ["above", 540, 390],
@@ -67,8 +67,7 @@ function begin() {
     document.getElementById(id),
   );
   const differences = differencesOf(contents.differences);
-  const replay = costliestOf(differences, lead.duration);
-  const graphics = new Graphics(flights, document.title, contents.units, contents.broadcast, replay);
+  const graphics = new Graphics(flights, document.title, contents.units, contents.broadcast, differences);
   const scene = sceneOrNone(sceneElement, contents, flights, clock, graphics);
   const stretch = new Stretch(clock, lead);
   const strips = new Strips(stripsElement, contents, flights, clock, stretch, differences);

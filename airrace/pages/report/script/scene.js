@@ -27,6 +27,7 @@ const [LATE, EARLY] = [40, 20]; // ms between pictures, beyond which fewer pixel
 const COARSEST = 0.4;
 const CORNER = 120; // pixels, of the upper left, where the order of the flights is written
 const SHARP = 3; // pixels of a picture for print per pixel of the page
+export const RESULT = "result"; // the view behind the result
 const DOT = 4; // pixels, of the marker by which a small aircraft is found
 
 export class RaceScene {
@@ -49,8 +50,10 @@ export class RaceScene {
     const lead = this.actors[0];
     const parallel = ["above", "side"].map((name) => new Parallel(name, points));
     const [chase, cockpit] = [new Chase(lead.flight), new Cockpit(lead.flight, lead.model)];
-    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun, chase, graphics.replay);
-    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director), new Replay(director)];
+    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun, chase);
+    const replays = graphics.swings.map((swing, number) => new Replay(director, swing, number));
+    const result = Object.assign(new Orbit(points), { name: RESULT });
+    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director), ...replays, result];
     this.views = new Map(views.map((view) => [view.name, view]));
     this.view = views[0];
     this.enlarged = 1;
@@ -125,10 +128,10 @@ export class RaceScene {
       const ratio = Math.min(window.devicePixelRatio, 2);
       const covered = this.covered();
       this.draw(width, height, ratio * this.share(), this.view, covered);
-      this.showLabels(this.view.camera, width, height);
       const context = sized(this.overlay, width, height, ratio);
       const whole = document.fullscreenElement !== null;
       this.graphics.draw(context, width, height, this.clock.time, this.view, { whole, top: covered[2], bottom: covered[1] });
+      this.showLabels(this.view.camera, width, height, this.graphics.panels);
       this.onDrawn?.();
     });
   }
@@ -228,8 +231,8 @@ class Actor {
   }
 
   show(scene, view, width, height) {
-    for (const part of this.parts) part.visible = this.flight.visible;
-    const { time } = scene.clock;
+    for (const part of this.parts) part.visible = this.flight.visible && (view.shows?.(this.flight) ?? true);
+    const time = scene.clock.time + (view.shiftOf?.(this.flight) ?? 0);
     this.way.show(time, view, width, height);
     this.flight.position(time, this.model.position);
     this.flight.attitude(time, this.model.quaternion);
@@ -258,7 +261,7 @@ class Actor {
     const { camera } = view;
     const pixel = view.pixel ?? (2 * this.away(camera) * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const seen = (this.flight.aircraft.span * scene.enlarged) / pixel;
-    this.dot.visible = this.flight.visible && !this.inside && seen < 26;
+    this.dot.visible = this.model.visible && !this.inside && seen < 26;
     this.dot.material.opacity = seen < 14 ? 0.9 : 0.25;
     this.dot.position.copy(this.model.position);
     this.dot.scale.setScalar(DOT * pixel * (seen < 14 ? 1 : 0.6));
@@ -285,14 +288,15 @@ function pointsOf(course, flights) {
 }
 
 const LONGEST = 40; // letters
+const ROOM = 0.3; // of the height of a name, between it and others
 const TAG_INK = "#0b1620"; // of names of aircraft, likewise in the style sheet
 const INK = { crowd: "limit", line: "caution", north: "muted" };
 
 /** Labels over a scene; the function that is returned puts them where their places are seen by a camera. */
 function labelsOver(element, labels) {
   const shown = labels.filter((label) => label.text).map((label) => Object.assign(label, { span: named(element, label) }));
-  return (camera, width, height) => {
-    const boxes = arranged(shown, camera, width, height, ({ span }) => [span.offsetWidth, span.offsetHeight]);
+  return (camera, width, height, covered) => {
+    const boxes = arranged(shown, camera, width, height, ({ span }) => [span.offsetWidth, span.offsetHeight], covered);
     shown.forEach(({ span }, i) => {
       span.classList.toggle("hidden", boxes[i] === null);
       if (boxes[i]) span.style.transform = `translate(${boxes[i][0].toFixed(1)}px, ${boxes[i][1].toFixed(1)}px)`;
@@ -301,13 +305,13 @@ function labelsOver(element, labels) {
 }
 
 /** The same written into a drawing, so many pixels high. */
-export function writeLabels(context, labels, camera, width, height, size = 13) {
+export function writeLabels(context, labels, camera, width, height, size = 13, covered = []) {
   context.font = `600 ${size}px ${getComputedStyle(document.body).fontFamily}`;
   context.textBaseline = "top";
   context.textAlign = "left";
   const shown = labels.filter((label) => label.text);
   const sizeOf = ({ text }) => [context.measureText(shortened(text)).width + 0.6 * size, 1.4 * size];
-  const boxes = arranged(shown, camera, width, height, sizeOf);
+  const boxes = arranged(shown, camera, width, height, sizeOf, covered);
   shown.forEach(({ text, kind, colour }, i) => {
     if (boxes[i] === null) return;
     const [left, top, across, down] = boxes[i];
@@ -319,18 +323,21 @@ export function writeLabels(context, labels, camera, width, height, size = 13) {
 }
 
 /**
- * Left, top, width and height of every label above its place; null where it is not seen or would lie on another.
+ * Left, top, width and height of every label above its place; null where it is not seen, would lie on a box of `covered`, or
+ * come too close to one that is nearer.
  *
  * Names of aircraft come first, and stand beside them: never on an aircraft, nor on another name; one is `hidden()` while its
  * aircraft is.
  */
-function arranged(labels, camera, width, height, sizeOf) {
+function arranged(labels, camera, width, height, sizeOf, covered) {
   const place = new Vector3();
   const tags = labels.filter((label) => label.kind === "tag" && label.text && !label.hidden?.());
   const aircraft = new Map(tags.map((tag) => [tag, boxOf(tag.extent(), camera, width, height)]));
-  const taken = [];
+  const taken = [...covered];
   const boxes = labels.map(() => null);
-  const order = [...labels.keys()].sort((a, b) => Number(labels[b].kind === "tag") - Number(labels[a].kind === "tag") || a - b);
+  const named = labels.map(({ kind }) => Number(kind === "tag"));
+  const depths = labels.map((label) => place.copy(label.place).project(camera).z);
+  const order = [...labels.keys()].sort((a, b) => named[b] - named[a] || depths[a] - depths[b]);
   for (const i of order) {
     const label = labels[i];
     if (label.hidden?.()) continue;
@@ -351,7 +358,8 @@ function arranged(labels, camera, width, height, sizeOf) {
       tried = [...above, ...beside, ...below].filter((box) => box[0] > 0 && box[1] > 0 && box[0] + wide < width && box[1] + high < height);
       obstacles = [...taken, ...aircraft.values()];
     }
-    const free = tried.find((box) => !obstacles.some((other) => overlap(box, other)));
+    const room = aircraft.has(label) ? 0 : high * ROOM;
+    const free = tried.find((box) => !obstacles.some((other) => overlap(box, other, room)));
     if (!free) continue;
     taken.push(free);
     boxes[i] = free;
@@ -380,6 +388,7 @@ function shortened(text) {
   return text.length > LONGEST ? `${text.slice(0, LONGEST)}…` : text;
 }
 
-function overlap(a, b) {
-  return a[0] < b[0] + b[2] && b[0] < a[0] + a[2] && a[1] < b[1] + b[3] && b[1] < a[1] + a[3];
+/** Whether boxes overlap, or lie closer than some room beside each other. */
+export function overlap(a, b, room) {
+  return a[0] < b[0] + b[2] + room && b[0] < a[0] + a[2] + room && a[1] < b[1] + b[3] + room && b[1] < a[1] + a[3] + room;
 }

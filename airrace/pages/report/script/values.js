@@ -58,27 +58,42 @@ export function indexBefore(numbers, value) {
  * at which the other one is there, and from that one back, s.
  */
 export function differencesOf(differences) {
-  return differences.map(({ flight, time, difference }) => {
+  return differences.map(({ flight, time, difference, legs }) => {
     const [times, lost] = [numbersOf(time), numbersOf(difference)];
     const others = times.map((value, i) => value + lost[i]);
     const at = (now) => interpolated(times, lost, now);
-    return { flight, at, there: (now) => now + at(now), back: (then) => interpolated(others, times, then) };
+    return { flight, legs, at, there: (now) => now + at(now), back: (then) => interpolated(others, times, then) };
   });
 }
 
-const [AGAIN, AGAIN_STEP] = [2.5, 0.1]; // s of a race that are shown again, and between the stretches that are compared
-const COSTLY = 0.01; // s: where no stretch costs as much, none is shown again
+const [BEFORE, BEHIND] = [0.8, 0.6]; // s, that are shown again before a leg and behind it
+const [SLOW, LONG] = [0.4, 12]; // of real time, in which that is, but faster where it would take longer than so many s
+const [COSTLY, BACK] = [0.01, 0.3]; // s, from which on a leg is shown again, and one that wins back what another costs
 
-/** The stretch of the first flight in which the time between it and another one changes most: `{from, to, flight, change}`, or null. */
-export function costliestOf(differences, duration) {
-  let costliest = null;
-  for (const { flight, at } of differences)
-    for (let from = 0; from + AGAIN <= duration; from += AGAIN_STEP) {
-      const change = at(from + AGAIN) - at(from);
-      const least = Math.abs(costliest?.change ?? COSTLY);
-      if (Math.abs(change) > least) costliest = { from, to: from + AGAIN, flight, change };
-    }
-  return costliest;
+/**
+ * The legs on which the gap between the first flight and another one changes most: one, and of the same two flights another one
+ * that changes it most the other way, in the order of the race.
+ *
+ * @returns `[{flight, loser, lost, reasons, leg, from, to, seconds, shift}]`: numbers of the other flight and of the one that
+ *   loses, how much (s) and why; the `leg` as `{before, after}`, passings of the first flight; from and to which instant it is
+ *   shown again, and for how long; how much later (s) the other flight begins the leg, by which it is shown earlier.
+ */
+export function swingsOf(differences, flights) {
+  const legs = differences.flatMap(({ flight, legs }) => legs.map((leg) => ({ flight, ...leg })));
+  const largest = (swings) => swings.reduce((most, leg) => (Math.abs(leg.lost) > Math.abs(most?.lost ?? 0) ? leg : most), null);
+  const first = largest(legs);
+  if (first === null || Math.abs(first.lost) < COSTLY) return [];
+  const second = largest(legs.filter(({ flight, lost }) => flight === first.flight && lost * first.lost < 0));
+  const shown = second !== null && Math.abs(second.lost) >= BACK ? [first, second] : [first];
+  return shown.sort((a, b) => a.passing - b.passing).map(({ flight, passing, lost, reasons }) => {
+    const [lead, other] = [flights[0], flights[flight]].map((one) => [passing - 1, passing].map((number) => one.passing(number)));
+    const shift = other[0].time - lead[0].time;
+    const from = Math.max(lead[0].time - BEFORE, 0);
+    const to = Math.max(lead[1].time, other[1].time - shift) + BEHIND;
+    const seconds = Math.max(Math.min((to - from) / SLOW, LONG), to - from);
+    const leg = { before: lead[0], after: lead[1] };
+    return { flight, loser: lost > 0 ? flight : 0, lost: Math.abs(lost), reasons, leg, from, to, seconds, shift };
+  });
 }
 
 function interpolated(times, values, time) {
