@@ -227,11 +227,13 @@ class BoundedWindow:
         text: the gates at which it begins and ends.
         legs: its number of legs.
         slack: by how much its least priced time is shorter than that of the best flight there, s.
+        solved: number of starts that led to a flight at the final prices.
     """
 
     text: str
     legs: int
     slack: float
+    solved: int
 
 
 @dataclass(frozen=True)

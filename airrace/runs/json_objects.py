@@ -143,7 +143,8 @@ def bound_object(bound: LowerBound) -> dict[str, object]:
         "solves": bound.solves,
         "unsolved": bound.unsolved,
         "windows": [
-            {"text": window.text, "legs": window.legs, "slack_s": finite(window.slack)} for window in bound.windows
+            {"text": window.text, "legs": window.legs, "slack_s": finite(window.slack), "solved": window.solved}
+            for window in bound.windows
         ],
         "text": bound_text(bound),
     }

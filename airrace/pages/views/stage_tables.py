@@ -270,7 +270,11 @@ def bound_text(bound: LowerBound) -> str:
         f"{bound.legs_max} legs were solved globally by {bound.starts} starts each"
     )
     widest = max(bound.windows, key=lambda window: window.slack)
-    return f"{text}; {widest.slack:.2f} s of it on {widest.text}" if widest.slack >= SLACK_TOLD else text
+    if widest.slack >= SLACK_TOLD:
+        text += f"; {widest.slack:.2f} s of it on {widest.text}"
+    if unsolved := [window.text for window in bound.windows if not window.solved]:
+        text += f"; no start led to a flight at the final prices on {', '.join(unsolved)}"
+    return text
 
 
 _DISTANCES = (

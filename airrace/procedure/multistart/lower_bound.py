@@ -139,11 +139,11 @@ class PriceSearch:
 
         `best` is a faster flight then, if there is any among the flights that the windows lead to.
         """
-        cover = self._choose_cover()
+        cover, solved = self._choose_cover(), dict[Window, int]()
         radius, previous = RADIUS, -np.inf
         for _ in range(ROUNDS_MAX):
             radius = self._ascend(cover, radius)
-            self._solve_all(cover, self._prices, self._all_guesses)
+            solved = self._solve_all(cover, self._prices, self._all_guesses)
             bound = self._bound(cover, self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
             if self._fly_faster(cover):
@@ -152,7 +152,7 @@ class PriceSearch:
             if bound >= (1.0 - gap) * self.best.race_time or bound < previous + SETTLED * self.best.race_time:
                 break
             previous, radius = bound, max(radius, RADIUS)
-        return self._result(cover)
+        return self._result(cover, solved)
 
     # the flights of the windows
 
@@ -171,13 +171,12 @@ class PriceSearch:
             windows += [(first, last) for last in self._gates[number + 1 : number + 1 + LEGS_MAX]]
         return windows
 
-    def _own_guesses(self, priced: PricedWindow) -> list[WindowGuess]:
-        own = self._guesses[0].within(priced.window)
-        return [own, replace(own, barrier=InitialBarrier.COLD)]
+    def _own_guess(self, priced: PricedWindow) -> list[WindowGuess]:
+        return [self._guesses[0].within(priced.window)]
 
     def _all_guesses(self, priced: PricedWindow) -> list[WindowGuess]:
-        own, cold = self._own_guesses(priced)
-        return [own, cold, *rolled_guesses(own), *(race.within(priced.window) for race in self._guesses[1:])]
+        own, *others = [race.within(priced.window) for race in self._guesses]
+        return [own, replace(own, barrier=InitialBarrier.COLD), *rolled_guesses(own), *others]
 
     def _nearest(self, priced: PricedWindow) -> list[WindowGuess]:
         """Return the known flights of least priced time that differ from one another."""
@@ -189,8 +188,8 @@ class PriceSearch:
 
     def _solve_all(
         self, windows: Sequence[Window], prices: _Prices, guesses: Callable[[PricedWindow], list[WindowGuess]]
-    ) -> bool:
-        """Solve windows at some prices, keep their flights; return whether every window has led to one."""
+    ) -> dict[Window, int]:
+        """Solve windows at some prices and keep their flights; return how many guesses of each have led to one."""
         jobs = [(priced, guess) for priced in map(prices.window, windows) for guess in guesses(priced)]
         solved = dict.fromkeys(windows, 0)
         for (priced, _), flight in zip(jobs, self._pool.work(jobs, _solve), strict=True):
@@ -202,7 +201,7 @@ class PriceSearch:
                 known.append(flight)
         self._solves += len(jobs)
         self._unsolved += len(jobs) - sum(solved.values())
-        return all(solved.values())
+        return solved
 
     def _least(self, priced: PricedWindow) -> float:
         return min(map(priced.time_of, self._flights[priced.window]))
@@ -215,7 +214,7 @@ class PriceSearch:
     def _choose_cover(self) -> list[Window]:
         """Return the windows, end to end, whose least priced times add up to the most."""
         self._report("windows between gates")
-        self._solve_all(self._windows(), self._prices, self._own_guesses)
+        self._solve_all(self._windows(), self._prices, self._own_guess)
         best: dict[int, tuple[float, list[Window]]] = {0: (0.0, [])}
         for last in self._gates[1:]:
             choices: list[tuple[float, list[Window]]] = []
@@ -231,7 +230,7 @@ class PriceSearch:
         bound = self._bound(cover, self._prices)
         for _ in range(STEPS_MAX):
             proposal = self._propose(cover, radius)
-            complete = self._solve_all(cover, proposal.prices, self._nearest)
+            complete = all(self._solve_all(cover, proposal.prices, self._nearest).values())
             reached, bound = self._bound(cover, proposal.prices), self._bound(cover, self._prices)
             if complete and reached > bound + ASCENT_SHARE * (proposal.bound - bound):
                 self._prices, bound, radius = proposal.prices, reached, min(1.5 * radius, RADIUS_MAX)
@@ -302,14 +301,14 @@ class PriceSearch:
         planned = replace(base, plan=plan(self._course, base.plan.cruise, decisions))
         return solve_coarse(service, InitialGuess(planned, mesh, guess, InitialBarrier.COARSE))
 
-    def _result(self, cover: Sequence[Window]) -> LowerBound:
+    def _result(self, cover: Sequence[Window], solved: dict[Window, int]) -> LowerBound:
         names = [passage.name for passage in self._course.passages]
         windows: list[BoundedWindow] = []
         for first, last in cover:
             priced, flights = self._prices.window((first, last)), self._flights[first, last]
             slack = priced.time_of(flights[0]) - self._least(priced)
             legs = self._gates.index(last) - self._gates.index(first)
-            windows.append(BoundedWindow(f"{names[first]} -> {names[last]}", legs, slack))
+            windows.append(BoundedWindow(f"{names[first]} -> {names[last]}", legs, slack, solved[first, last]))
         starts = len(self._all_guesses(self._prices.window(cover[0])))
         bound = min(self._bound(cover, self._prices), self.best.race_time)
         counts = LEGS_MAX, starts, self._solves, self._unsolved

@@ -135,9 +135,9 @@ def test_race_of_one_leg_is_one_window_whose_bound_is_its_optimum() -> None:
 
 
 def test_sentence_tells_the_gap_its_caveat_and_the_widest_window() -> None:
-    windows = (BoundedWindow("a -> b", 3, 0.2), BoundedWindow("b -> c", 2, 0.8))
+    windows = (BoundedWindow("a -> b", 3, 0.2, 9), BoundedWindow("b -> c", 2, 0.8, 0))
     text = bound_text(LowerBound(49.0, 50.0, 3, 12, 400, 30, windows))
     assert text == (
         "no flight is more than 2.00 % (1.00 s) faster, as far as windows of up to 3 legs were solved globally by "
-        "12 starts each; 0.80 s of it on b -> c"
+        "12 starts each; 0.80 s of it on b -> c; no start led to a flight at the final prices on b -> c"
     )
