@@ -34,7 +34,7 @@ from airrace.procedure.guess import align_quaternions, first_mesh, guess
 from airrace.procedure.result import Silent
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
-from airrace.procedure.mesh_loop import (solve_from_starts)
+from airrace.procedure.mesh_loop import solve_certified, solve_from_starts
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, formulate
 from airrace.procedure.warm_start import InitialBarrier, Start
@@ -123,7 +123,7 @@ def best_of(course: str, count: int, refine: int, threads: int) -> float:
                 begin = Start(planned, problem, solution.iterate, InitialBarrier.COARSER_MESH)
                 starts.append((float(np.sum(solution.iterate.durations)), begin))
         starts.sort(key=lambda one: one[0])
-        results = [solve_from_starts(session, [lambda begin=begin: begin]) for _, begin in starts[:refine]]
+        results = [solve_from_starts(session, [lambda begin=begin: begin], solve_certified) for _, begin in starts[:refine]]
     return min((one.trajectory.race_time for one in results if one.certified), default=math.inf)
 
 
