@@ -83,9 +83,11 @@ Search = Annotated[
 Gap = Annotated[
     float | None,
     Option(
-        "Share of the race time by which the fastest flight of all may be faster, which a thorough search tells; it "
-        "ends once the share is below this. The settings say 0.01 by default.",
+        "Search thoroughly until any flight is faster by at most this share of the race time, as far as windows "
+        "between gates tell; the settings say 0.01 by default.",
         "SHARE",
+        min=0,
+        max=1,
     ),
 ]
 Alternatives = Annotated[

@@ -79,9 +79,14 @@ def optimize(
     if not dry_run:  # the solver loads while this process does
         start_early(1 if search in (SearchEffort.OFF, "off") else min(2, threads))  # the other is for what is tried
     from airrace.api.run import fly
+    from airrace.errors import UsageError
     from airrace.runs.execution_plan import chosen_texts, plan_new_run, read_inputs, value_texts
     from airrace.runs.output import ensure_free, ensure_run_file
 
+    if gap is not None:
+        if search not in (None, SearchEffort.THOROUGH, SearchEffort.THOROUGH.value):
+            raise UsageError("--gap is for --search thorough, which it implies")
+        search = SearchEffort.THOROUGH
     path = None if output is None else ensure_run_file(output)
     if path is not None:
         hint = f"continue it with `airrace resume {path}` or "

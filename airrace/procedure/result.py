@@ -5,7 +5,7 @@ The procedure reports to a `Progress`; the default one is silent.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -284,7 +284,7 @@ class SearchReport:
     failed: int = 0
     seconds: float = 0.0
     loops: tuple[str, ...] = ()
-    bound: LowerBound | None = None
+    bound: LowerBound | None = field(default=None, metadata={"counts": "where set"})  # older records have none
 
     @property
     def refined(self) -> bool:

@@ -23,7 +23,7 @@ from airrace.flights.results import Flight
 from airrace.flights.results.clearances import Clearance, NearMiss
 from airrace.pages.views.stage_tables import search_table
 from airrace.procedure import procedure
-from airrace.procedure.result import Route, SearchReport, StageResult
+from airrace.procedure.result import BoundedWindow, LowerBound, Route, SearchReport, StageResult
 from airrace.procedure.stage import Stage
 from airrace.runs import json_objects
 from airrace.runs.json_objects import run_object, stage_object
@@ -86,6 +86,32 @@ def test_search_and_alternatives_reach_the_settings_and_are_kept_as_overrides(fo
         assert stored == (f"settings.search={search}", "settings.alternatives=3")
 
 
+def test_gap_asks_for_a_thorough_search(folder: Path) -> None:
+    assert run("optimize", TRACK, "--gap", "0.002", "--quiet").code == 0
+    assert (settings_of(folder)["search"], settings_of(folder)["gap"]) == ("thorough", 0.002)
+
+
+BOUND = LowerBound(9.9, 10.0, 3, 17, 400, 30, (BoundedWindow("1:g1 -> 1:g4", 3, 0.1, 15),))
+GAP = "no flight is more than 1.00 % (0.10 s) faster"
+
+
+def test_gap_is_told_stored_and_in_the_object(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
+        for result in fake_optimizer.optimize(*arguments, **named):
+            if result.stage is Stage.POINT_MASS:
+                result = replace(result, search=replace(explored(), bound=BOUND))
+            yield result
+
+    monkeypatch.setattr(procedure, "optimize", optimize)
+    assert GAP in " ".join(run("optimize", TRACK).out.split())
+    (stage,) = [stage for stage in run("show", "rovinj_2014.h5", "--json").answer["stages"] if stage["search"]]
+    bound = stage["search"]["bound"]
+    assert (bound["seconds_s"], bound["race_time_s"], bound["starts"]) == (9.9, 10.0, 17)
+    assert bound["windows"] == [{"text": "1:g1 -> 1:g4", "legs": 3, "slack_s": 0.1, "solved": 15}]
+    assert bound["gap"] == pytest.approx(0.01)
+    assert bound["text"].startswith(GAP)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -94,9 +120,12 @@ def test_search_and_alternatives_reach_the_settings_and_are_kept_as_overrides(fo
         ("--alternatives", "0"),
         ("--alternatives", "21"),
         ("--alternatives", "two"),
+        ("--gap", "2"),
+        ("--gap", "-0.1"),
+        ("--gap", "0.01", "--search", "quick"),
     ],
 )
-def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, str]) -> None:
+def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, ...]) -> None:
     ran = run("optimize", TRACK, *wrong)
     assert ran.code == 2
     assert wrong[0] in ran.err
@@ -109,6 +138,7 @@ def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, s
         ("search: fast", "search"),
         ("search: Off", "search"),
         ("search: 1", "search"),
+        ("gap: 1.5", "gap"),
         ("alternatives: 0", "alternatives"),
         ("alternatives: 21", "alternatives"),
         ("alternatives: 1.5", "alternatives"),
@@ -198,6 +228,7 @@ def test_json_tells_the_same_routes_when_flown_and_when_shown(folder: Path) -> N
             "converged_elsewhere": 1,
             "failed": 1,
             "loops": [LOOP],
+            "bound": None,
         }
         assert stage["alternatives"] == [{"race_time_s": 10.0, "status": "certified", "certified": True}] * 2
 

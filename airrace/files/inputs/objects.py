@@ -20,7 +20,7 @@ from airrace.model.aircraft import Aircraft
 from airrace.model.environment import Air
 from airrace.model.track.course import Course
 from airrace.model.track.element import Element
-from airrace.procedure.settings import Settings
+from airrace.procedure.settings import SearchEffort, Settings
 from airrace.race import Race
 
 OBJECTS_SCHEMA = "airrace/objects/2"
@@ -99,9 +99,11 @@ def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
     """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians; no limit is null.
 
     `settings.mesh_check` is left out: a stage stands whichever stages have a mesh check, and its certificate says what
-    was measured of it. So are tables where the aircraft has none: runs that were stored before there were any stand.
+    was measured of it. So are tables where the aircraft has none, and the gap where no search seeks one: runs that were
+    stored before there were any stand.
     """
-    excluded = {"settings": {"mesh_check"}} | ({"aircraft": {"tables"}} if race.aircraft.tables is None else {})
+    without_effect = {"mesh_check"} if settings.search is SearchEffort.THOROUGH else {"mesh_check", "gap"}
+    excluded = {"settings": without_effect} | ({"aircraft": {"tables"}} if race.aircraft.tables is None else {})
     objects = {"course": race.course, "aircraft": race.aircraft, "air": race.air, "settings": settings}
     plain = json.loads(to_json(objects, exclude=excluded, inf_nan_mode="null"))
     return cast(dict[str, JSON], plain)
