@@ -47,6 +47,9 @@ class Heard:
     passings: Sequence[float]
 
 
+_NOTHING = Heard(math.inf, math.nan, math.nan, {}, ())
+
+
 class Overlay:
     """What was heard of a flight.
 
@@ -91,27 +94,28 @@ class Overlay:
 
     def state(self) -> dict[str, object]:
         """Return what is shown now, as JSON; `age` is the time since what is shown was heard, s."""
-        shown_at = self._now() - self.delay
+        now = self._now()
         with self._lock:
-            self._forget(self._now())
-            last = self._heard[0] if self._heard and self._heard[0].moment <= shown_at else None
-        if last is None:
-            return {"page": self._name, "clock": None, "age": 0.0, "values": {}, **self._passed((), math.nan)}
-        age = shown_at - last.moment
+            self._forget(now)
+            last = self._heard[0] if self._heard else _NOTHING
+        age = now - self.delay - last.moment
+        if age < 0.0:
+            last, age = _NOTHING, 0.0
         clock = last.clock + min(age, AHEAD)
-        values = {name: value for name, value in last.values.items() if math.isfinite(value)}
-        known = None if math.isnan(clock) else clock
-        return {"page": self._name, "clock": known, "age": age, "values": values, **self._passed(last.passings, clock)}
-
-    def _passed(self, passings: Sequence[float], clock: float) -> dict[str, object]:
-        """Return the passings up to a clock, and the race time."""
-        made = [passing if passing <= clock else None for passing in tuple(passings)]  # none where a gate was missed
+        made = [passing if passing <= clock else None for passing in tuple(last.passings)]  # none where one was missed
         times = [*made, *[None] * (len(self._crossings) - len(made))]
-        shown = [
+        passings = [
             {"name": crossing.passage.element.name, "lap": crossing.lap, "number": number, "time": passed}
             for number, (crossing, passed) in enumerate(zip(self._crossings, times, strict=True))
         ]
-        return {"passings": shown, "race_time": times[-1]}
+        return {
+            "page": self._name,
+            "clock": None if math.isnan(clock) else clock,
+            "age": age,
+            "values": {name: value for name, value in last.values.items() if math.isfinite(value)},
+            "passings": passings,
+            "race_time": times[-1],
+        }
 
 
 class _Server(ThreadingHTTPServer):
