@@ -5,12 +5,12 @@ import json
 import math
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ LATE = 1.0
 """The time by which a state may be read late, as while a solver is busy, and still counts from when it was due, s."""
 AHEAD = 0.5
 """The time by which the clock runs on beyond the last state, s."""
+Clock = Callable[[], float]
 _PLACE_AND_MOTION = ("x", "y", "z", "V_K", *QUATERNION)
 
 
@@ -59,12 +60,7 @@ class Overlay:
     """
 
     def __init__(
-        self,
-        flights: Sequence[Flight],
-        entrant: Entrant,
-        language: Language,
-        delay: float,
-        now: Callable[[], float] = time.monotonic,
+        self, flights: Sequence[Flight], entrant: Entrant, language: Language, delay: float, now: Clock = monotonic
     ) -> None:
         """Take flights as `overlay_page` does, the first that of the followed optimum, and a clock, s."""
         self.page, self._name = overlay_page(flights, entrant, language)
@@ -108,14 +104,9 @@ class Overlay:
             {"name": crossing.passage.element.name, "lap": crossing.lap, "number": number, "time": passed}
             for number, (crossing, passed) in enumerate(zip(self._crossings, times, strict=True))
         ]
-        return {
-            "page": self._name,
-            "clock": None if math.isnan(clock) else clock,
-            "age": age,
-            "values": {name: value for name, value in last.values.items() if math.isfinite(value)},
-            "passings": passings,
-            "race_time": times[-1],
-        }
+        known = None if math.isnan(clock) else clock
+        shown = {"page": self._name, "clock": known, "age": age, "values": last.values}
+        return {**shown, "passings": passings, "race_time": times[-1]}
 
 
 class _Server(ThreadingHTTPServer):

@@ -55,7 +55,7 @@ class Overlay {
     const [width, height] = [window.innerWidth, window.innerHeight];
     const context = sized(canvas, width, height, window.devicePixelRatio);
     const live = new LiveFlight(contents.live, shown);
-    const graphics = new Graphics([live, ...this.beside], contents.title, contents.units, contents.broadcast, null);
+    const graphics = new Graphics([live, ...this.beside], contents.title, contents.units, contents.broadcast, []);
     graphics.draw(context, width, height, shown.clock ?? 0, VIEW, { whole: true });
     const age = shown.age + (performance.now() - this.received) / 1000;
     if (age > OLD && live.raceTime === null) tellAge(graphics, width, age);
