@@ -107,7 +107,7 @@ function coarselyDrawn(backdrop) {
   const material = new ShaderMaterial({ uniforms, vertexShader: WHOLE_VERTEX, fragmentShader: DRAWN_FRAGMENT, ...look });
   const shown = new Mesh(new PlaneGeometry(2, 2), material);
   Object.assign(shown, { frustumCulled: false, renderOrder: -30 });
-  const sheet = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const sheet = document.createElement("canvas").getContext("2d");
   shown.drawOn = (context, renderer, width, height) => {
     const image = new ImageData(target.width, target.height);
     renderer.readRenderTargetPixels(target, 0, 0, target.width, target.height, image.data);
