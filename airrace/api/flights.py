@@ -218,15 +218,31 @@ def follow(
     speed: Annotated[float, Option("Of a replay, as times as fast; 0 for without a pause.", "N", min=0)] = 1.0,
     gates: Annotated[int, Option("So many gates ahead the line leads.", "N", min=1)] = 3,
     every: Annotated[float, Option("The least time between two answers.", "S", min=0.05)] = 0.5,
+    overlay: Annotated[
+        int | None,
+        Option(
+            "Serve the graphics of films live at this port of 127.0.0.1, as a browser source.", "PORT", min=1, max=65535
+        ),
+    ] = None,
+    delay: Annotated[float, Option("By which the graphics come later than the states.", "S", min=0)] = 0.0,
+    entrant: Annotated[
+        str, Option("Who flies, for the graphics, e.g. name=Bee,nation=SUI,number=7,colour=#ff8800.", "KEY=VALUE,...")
+    ] = "",
+    flight: MoreFlights = (),
+    language: Languages = Language.EN,
 ) -> "Iterator[dict[str, object]]":
     """Follow a flight while it is flown: gap, cost to go, next cues and the line of the next gates, as JSON lines.
 
     States come from standard input, as JSON lines or NMEA sentences, or as datagrams, X-Plane's data output among them.
 
+    Args:
+        flight: beside the optimum in the graphics.
+
     Raises:
-        UsageError: the stage is no optimum, or the port is taken.
+        UsageError: the stage is no optimum, or a port is taken.
     """
     from airrace.errors import UsageError
+    from airrace.pages.report.film import language_named
     from airrace.runs.flight_sources import open_flights, open_sources
     from airrace.runs.follow import follow_stream, replayed, standard_input, udp_port
     from airrace.runs.stage_view import StageView
@@ -239,7 +255,16 @@ def follow(
     messages = standard_input() if udp is None else udp_port(udp)
     if replay is not None:
         messages = replayed(open_flights([str(run), replay])[1], every=min(every, REPLAY_STEP), speed=speed)
-    return follow_stream(view, messages, gates=gates, every=every)
+    if overlay is None:
+        if delay or entrant or flight:
+            raise UsageError("--delay, --entrant and --flight are of the graphics: add --overlay PORT")
+        return follow_stream(view, messages, gates=gates, every=every)
+    from airrace.runs.output import entrant_of
+    from airrace.runs.overlay import Overlay, follow_with_overlay
+
+    flights = open_flights([str(run), *flight], stage=stage, comparable=True)
+    graphics = Overlay(flights, entrant_of(entrant), language_named(language), delay)
+    return follow_with_overlay(graphics, overlay, view, messages, gates=gates, every=every)
 
 
 def plot(

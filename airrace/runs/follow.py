@@ -8,9 +8,10 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -48,10 +49,14 @@ OFF_COURSE = 300.0
 """The distance from the optimum beyond which no guidance is given, m."""
 ROUNDING = 1e-6
 """The time by which the last place may miss the race time, s."""
-START_ASIDE = 60.0
-"""The distance from where the optimum starts beyond which a crossing is not one of the start, m."""
-START_SLANT = math.cos(math.radians(60.0))
-"""The cosine of the largest angle between the path and the optimum's at the start."""
+GATE_ASIDE = 60.0
+"""The distance from where the optimum passes a gate beyond which a crossing is not one of the gate, m."""
+GATE_SLANT = math.cos(math.radians(75.0))
+"""The cosine of the largest angle between the path and the axis of a gate, or the optimum's path there."""
+MISSED_MAX = 2
+"""The largest number of gates in a row that may be missed."""
+QUICKEST = 0.5
+"""The share of the optimum's time from gate to gate below which a passing is one of another lap."""
 
 Answer = dict[str, object]
 """An answer, or a remark, as a JSON object."""
@@ -65,9 +70,15 @@ class Follower:
         rest: solves what is left of the race.
         cues: of the optimum.
         gates: so many gates ahead the line leads.
+        courses: of the axes along which the gates are passed, rad; None where a gate has none, empty for all of them.
         begins: the time of the stream at which the start was crossed, s; NaN before.
         place: the last place, s on the optimum's clock.
         placed: the time of the stream of that, s.
+        leg: the leg of that, from 0.
+        away: the distance of the last state from the optimum, m.
+        remark: why the last state gets no guidance; empty where it gets some.
+        passings: when the gates so far were passed, the start first, s on the clock of the race, NaN where one was
+            missed; another list for another flight.
         again: the time of the stream from which on a crossing of the start begins the flight, s.
         last: the time of the last state, s.
     """
@@ -75,54 +86,94 @@ class Follower:
     rest: CostToGo
     cues: Sequence[Cue]
     gates: int
+    courses: Sequence[float | None] = ()
     begins: float = math.nan
     place: float = math.nan
     placed: float = math.nan
+    leg: int = 0
+    away: float = math.nan
+    remark: str = ""
+    passings: list[float] = field(default_factory=list[float])
     again: float = -math.inf
     last: float = math.nan
 
     def observe(self, at: float, state: Mapping[str, float]) -> None:
-        """Start the clock where a state, at a time of the stream (s), comes just behind the start."""
+        """Start the clock where a state, at a time of the stream (s), comes just behind the start; find its place."""
         if at < self.last:  # the stream has started anew
             self.begins, self.again = math.nan, -math.inf
         self.last = at
-        crossed = self._start_before(at, state)
+        crossed = self._crossed_before(at, state, 0)
         if crossed > self.again:
             self.begins = self.placed = crossed
-            self.place, self.again = 0.0, math.inf
+            self.place, self.again, self.passings = 0.0, math.inf, [0.0]
+        if self.passings:
+            self._note_passing(at, state)
+        self.remark = self._locate(at, state)
 
-    def _start_before(self, at: float, state: Mapping[str, float]) -> float:
-        """Return when the start was crossed, at most `BACK` before a state; NaN if it was not."""
-        start = self.rest.state_at(0.0)
-        ahead, heading = (np.array(rotation([values[name] for name in QUATERNION]))[:, 0] for values in (start, state))
-        offset = np.array([state[name] - start[name] for name in "xyz"])
+    def _crossed_before(self, at: float, state: Mapping[str, float], gate: int) -> float:
+        """Return when a gate, counted from the start as 0, was crossed, at most `BACK` before a state; NaN if not."""
+        optimum = self.rest.state_at(self._gates[gate])
+        ahead, heading = (
+            np.array(rotation([values[name] for name in QUATERNION]))[:, 0] for values in (optimum, state)
+        )
+        if self.courses and (course := self.courses[gate]) is not None:
+            ahead = np.array([math.cos(course), math.sin(course), 0.0])
+        offset = np.array([state[name] - optimum[name] for name in "xyz"])
         slant = float(ahead @ heading)
-        if slant < START_SLANT:
+        if slant < GATE_SLANT:
             return math.nan
         passed = float(ahead @ offset) / (state["V_K"] * slant)
         aside = float(np.linalg.norm(offset - passed * state["V_K"] * heading))
-        return at - passed if 0.0 <= passed <= BACK and aside < START_ASIDE else math.nan
+        return at - passed if 0.0 <= passed <= BACK and aside < GATE_ASIDE else math.nan
 
-    def answer(self, session: SolverSession, at: float, state: Mapping[str, float]) -> Answer:
-        """Return the answer to a state at a time of the stream, s."""
+    def _locate(self, at: float, state: Mapping[str, float]) -> str:
+        """Find the place of a state; return the remark on it."""
         if math.isnan(self.begins):
-            return {"time_s": at, "remark": "before the start"}
-        low = self.place - BACK
+            return "before the start"
+        low = max(self.place, self._last_passing[1]) - BACK
         high = min(self.place + at - self.placed, at - self.begins) + AHEAD
         place, leg = self._nearest(state, low, high)
         reference = self.rest.state_at(place)
-        away = math.dist([state[name] for name in "xyz"], [reference[name] for name in "xyz"])
-        if away > OFF_COURSE:
+        self.away = math.dist([state[name] for name in "xyz"], [reference[name] for name in "xyz"])
+        if self.away > OFF_COURSE:
             self.again = min(self.again, at)
-            return {"time_s": at, "remark": f"{away:.0f} m from the line: off the course"}
-        self.place, self.placed = place, at
-        if place >= self.rest.optimum.race_time - ROUNDING:
+            return f"{self.away:.0f} m from the line: off the course"
+        is_behind = place >= self.rest.optimum.race_time - ROUNDING or len(self.passings) == len(self._gates)
+        if is_behind:
             self.again = min(self.again, at + BACK)  # the finish may be where the start is
-            return {"time_s": at, "remark": "behind the finish"}
-        rest = self.rest.solve(session, state, leg, deviations=DEVIATIONS, gates=self.gates)
-        return self._answer_of(rest, at, leg, away)
+        self.place, self.placed, self.leg = place, at, leg
+        return "behind the finish" if is_behind else ""
 
-    def _answer_of(self, rest: Continuation, at: float, leg: int, away: float) -> Answer:
+    def _note_passing(self, at: float, state: Mapping[str, float]) -> None:
+        """Note the passing of the next gate that a state comes just behind; those before it may have been missed."""
+        number, (before, place) = len(self.passings), self._last_passing
+        for gate in range(number, min(number + 1 + MISSED_MAX, len(self._gates))):
+            clock = self._crossed_before(at, state, gate) - self.begins
+            if clock - before > QUICKEST * (self._gates[gate] - place):
+                self.passings += [*[math.nan] * (gate - number), clock]
+                return
+
+    @property
+    def _gates(self) -> list[float]:
+        """The passings of the optimum, s."""
+        optimum = self.rest.optimum
+        return optimum.time[optimum.first_node].tolist()
+
+    @property
+    def _last_passing(self) -> tuple[float, float]:
+        """The clock at the last passing that was not missed, and that of the optimum there, s."""
+        return next(
+            pair for pair in reversed([*zip(self.passings, self._gates, strict=False)]) if math.isfinite(pair[0])
+        )
+
+    def answer(self, session: SolverSession, at: float, state: Mapping[str, float]) -> Answer:
+        """Return the answer to the state that was observed last, at a time of the stream, s."""
+        if self.remark:
+            return {"time_s": at, "remark": self.remark}
+        rest = self.rest.solve(session, state, self.leg, deviations=DEVIATIONS, gates=self.gates)
+        return self._answer_of(rest, at)
+
+    def _answer_of(self, rest: Continuation, at: float) -> Answer:
         optimum, clock = self.rest.optimum, at - self.begins
         ahead = [cue for cue in self.cues if cue.time > rest.time][:CUES_MAX]
         line = rest.trajectory
@@ -133,9 +184,9 @@ class Follower:
         return {
             "time_s": at,
             "race_clock_s": round(clock, 3),
-            "leg_to": optimum.phases[leg].split(" -> ")[-1],
+            "leg_to": optimum.phases[self.leg].split(" -> ")[-1],
             "gap_s": round(clock - rest.time, 3),
-            "away_m": round(away, 1),
+            "away_m": round(self.away, 1),
             "cost_to_go_s": round(rest.cost, 3),
             "best_race_time_s": round(clock + rest.cost, 3),
             "lost_s": round(clock + rest.cost - optimum.race_time, 3),
@@ -159,7 +210,21 @@ class Follower:
         return best[1], best[2]
 
 
-def follow_stream(view: StageView, batches: Iterable[Sequence[bytes]], *, gates: int, every: float) -> Iterator[Answer]:
+Heard = Callable[[float, float, Mapping[str, float], Sequence[float]], None]
+"""What is called with a time of the stream, that of the race (s, NaN before the start), the state and `passings`."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What messages say that have waited together: remarks, and the last state with its time and what is known then."""
+
+    remarks: Sequence[Answer]
+    last: tuple[Follower, float, Mapping[str, float]] | None
+
+
+def follow_stream(
+    view: StageView, batches: Iterable[Sequence[bytes]], *, gates: int, every: float, heard: Heard | None = None
+) -> Iterator[Answer]:
     """Yield an answer for every state that is due, and a remark for whatever is no state.
 
     Of messages that have waited together all are read, for derivatives and the start, and the last one is answered.
@@ -169,36 +234,74 @@ def follow_stream(view: StageView, batches: Iterable[Sequence[bytes]], *, gates:
         batches: the messages of the stream that wait at a time; none where it has been silent.
         gates: so many gates ahead the line leads.
         every: the least time of the stream between two answers, s.
+        heard: is called with every state, in a thread that reads on while an answer is solved.
 
     Raises:
         UsageError: the stage is no optimum.
         SolverCrash: the solver process died.
     """
-    rest, reader = cost_to_go_of(view), StreamReader(view.inputs.race)
-    follower = Follower(rest, cues_of(view.flight()), gates)
+    passages = [crossing.passage for crossing in view.flight().crossings]
+    courses = [passage.element.course(passage.direction) if passage.element.directed else None for passage in passages]
+    follower = Follower(cost_to_go_of(view), cues_of(view.flight()), gates, courses)
+    observed = _observed(follower, StreamReader(view.inputs.race), batches, heard)
     threads, due = available_cores(), -math.inf
     with (
         new_service(threads) as service,
         closing(SolverSession(service, view.inputs.settings, Silent(), threads)) as session,
     ):
-        number = 0
-        for messages in batches:
-            if not messages:
-                yield {"remark": f"no message for {SILENCE:g} s"}
-            newest: tuple[float, dict[str, float]] | None = None
-            for message in messages:
-                number += 1
-                try:
-                    state = reader.state(message)
-                except StreamError as error:
-                    yield {"message": number, "remark": str(error)}
-                    continue
-                if state is not None:
-                    follower.observe(*state)
-                    newest = state
-            if newest is not None and (newest[0] >= due or newest[0] < due - every):
-                due = newest[0] + every
-                yield follower.answer(session, *newest)
+        for batch in observed if heard is None else _observed_meanwhile(observed):
+            yield from batch.remarks
+            if batch.last is not None:
+                known, at, state = batch.last
+                if at >= due or at < due - every:
+                    due = at + every
+                    yield known.answer(session, at, state)
+
+
+def _observed(
+    follower: Follower, reader: StreamReader, batches: Iterable[Sequence[bytes]], heard: Heard | None
+) -> Iterator[Observed]:
+    number = 0
+    for messages in batches:
+        remarks: list[Answer] = [] if messages else [{"remark": f"no message for {SILENCE:g} s"}]
+        last = None
+        for message in messages:
+            number += 1
+            try:
+                state = reader.state(message)
+            except StreamError as error:
+                remarks.append({"message": number, "remark": str(error)})
+                continue
+            if state is not None:
+                follower.observe(*state)
+                last = (copy(follower), *state)
+                if heard is not None:
+                    heard(state[0], state[0] - follower.begins, state[1], follower.passings)
+        yield Observed(remarks, last)
+
+
+def _observed_meanwhile(observed: Iterator[Observed]) -> Iterator[Observed]:
+    """Yield what is observed in a thread that waits for nobody; of states that wait only the last one is left."""
+    waiting, ended = queue.SimpleQueue[Observed | BaseException | None](), threading.Event()
+
+    def observe() -> None:
+        try:
+            for batch in observed:
+                waiting.put(batch)
+                if ended.is_set():
+                    return
+            waiting.put(None)
+        except BaseException as error:  # raised where it is read
+            waiting.put(error)
+
+    threading.Thread(target=observe, daemon=True).start()
+    try:
+        while (batch := waiting.get()) is not None:
+            if isinstance(batch, BaseException):
+                raise batch
+            yield batch if waiting.empty() else replace(batch, last=None)
+    finally:
+        ended.set()
 
 
 def standard_input() -> Iterator[list[bytes]]:

@@ -79,6 +79,15 @@ def _entrant_of(text: str, flight: str) -> Entrant:
     return Entrant(**details)
 
 
+def entrant_of(text: str) -> Entrant:
+    """Return who flies, of `name=...,nation=...`; nobody of an empty text.
+
+    Raises:
+        UsageError: a detail is not known, told twice or not valid.
+    """
+    return _entrant_of(f",{text}", text) if text else NOBODY
+
+
 NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: name one with --output"
 """The message that a run cannot be written to stdout."""
 

@@ -200,10 +200,12 @@ def values_in_browsers(
         finally:
             idle.put(browser)
 
+    def open_another() -> None:
+        idle.put(browsers.enter_context(page_in_browser(page, what, drawn_by)))
+
     with contextlib.ExitStack() as browsers, ThreadPoolExecutor(count) as threads:
         idle.put(first)
-        for _ in range(count - 1):
-            idle.put(browsers.enter_context(page_in_browser(page, what, drawn_by)))
+        opening = [threads.submit(open_another) for _ in range(count - 1)]  # while the first one draws already
         waiting = deque[Future[Any]]()
         try:
             for expression in expressions:
@@ -212,6 +214,8 @@ def values_in_browsers(
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
+            for opened in opening:
+                opened.result()
         finally:
             threads.shutdown(cancel_futures=True)
 

@@ -119,7 +119,7 @@ def flight_page(
     template = string.Template((FOLDER / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
-        policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "
+        policy=f"default-src 'none'; script-src {source_hash(script)}; style-src-elem {source_hash(style)}; "
         "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
         title=html.escape(plain(first.course.name)),
         heading=escape_html(first.course.name),
@@ -155,7 +155,7 @@ def _colour(flight: Flight, misses: int) -> str:
     return "unsure" if flight.source.doubtful or not (verified or verification is None) else "good"
 
 
-def _hash(text: str) -> str:
+def source_hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
 
 

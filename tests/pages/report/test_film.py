@@ -363,6 +363,24 @@ def test_graphics_alone_lie_over_any_picture_as_over_the_scene(laptop: Opened) -
 
 
 @pytest.mark.slow
+def test_a_scene_laid_over_sky_and_ground_is_the_picture_that_is_drawn_at_once(laptop: Opened) -> None:
+    over, at_once = laptop.run(
+        """() => {
+          const { film, scene } = airrace, view = scene.views.get("tv"), [w, h] = [640, 360];
+          const pixels = (context) => Array.from(context.getImageData(0, 0, w, h).data);
+          const over = pixels(film.drawn(3.0, view, w, h, [0, 0], 1));
+          scene.draw(w, h, 1, view, [0, 0]);
+          const context = Object.assign(document.createElement("canvas"), { width: w, height: h }).getContext("2d");
+          context.drawImage(scene.canvas, 0, 0);
+          return [over, pixels(context)];
+        }"""
+    )
+    apart = np.abs(np.array(over, float) - np.array(at_once, float))
+    assert apart.mean() < 1.0
+    assert (apart > 12.0).mean() < 1e-3
+
+
+@pytest.mark.slow
 def test_the_alpha_channel_of_a_film_is_that_of_its_pictures(tmp_path: Path) -> None:
     browser_path()
     words: dict[str, Any] = {"size": "640x360", "fps": 25.0, "from_": 3.0, "seconds": 0.08, "graphics_only": True}

@@ -617,8 +617,9 @@ export class Film {
 
   drawn(time, view, width, height, covered, thick) {
     this.clock.time = time;
-    this.scene.draw(width, height, 1, view, covered, thick, false);
+    this.scene.draw(width, height, 1, view, covered, thick, true);
     const context = sized(this.sheet, width, height, 1);
+    this.scene.ground.drawOn(context, this.scene.renderer, width, height);
     context.drawImage(this.scene.canvas, 0, 0, width, height);
     return context;
   }

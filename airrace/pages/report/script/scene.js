@@ -38,7 +38,7 @@ export class RaceScene {
     this.clock = clock;
     this.graphics = graphics;
     [this.canvas, this.overlay] = element.querySelectorAll("canvas");
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, stencil: true });
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, stencil: true, alpha: true });
     this.scene = new Scene();
     const points = pointsOf(course, flights);
     this.ground = groundOf(new Box3().setFromPoints(points), course);
@@ -146,16 +146,19 @@ export class RaceScene {
     return this.sharpness;
   }
 
-  /** One picture; pixels of the page, and how many of the screen each of them is; lines `thick` times as wide; with a `grid`. */
-  draw(width, height, ratio, view, covered, thick = 1, grid = true) {
+  /**
+   * One picture; pixels of the page, and how many of the screen each of them is; lines `thick` times as wide. It is `apart` from
+   * sky and ground, and without a grid, where these are drawn below it, see `groundOf`.
+   */
+  draw(width, height, ratio, view, covered, thick = 1, apart = false) {
     if (!width || !height) return;
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     view.place(width, height, this.clock.time, covered);
-    this.gridded = grid && !view.follows;
+    this.gridded = !apart && !view.follows;
     this.ground.show(view.camera, this.clock.time, this.gridded);
     this.actors.forEach((actor) => actor.show(this, view, width / thick, height / thick));
-    this.ground.prepare(this.renderer, view.camera);
+    this.ground.prepare(this.renderer, view.camera, apart);
     this.renderer.render(this.scene, view.camera);
   }
 
