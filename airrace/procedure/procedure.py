@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from airrace.model.dynamics import handling
 from airrace.optimal_control.native.library import MISSING, library_path
@@ -32,20 +32,24 @@ from airrace.procedure.choice import (
     with_note_on_faster,
 )
 from airrace.procedure.fidelity import fidelity_of, iterate_of, stage_model
-from airrace.procedure.homotopy import HomotopyOutcome, solve_homotopy
+from airrace.procedure.first_solutions import (
+    FirstSolutions,
+    relaxed_race,
+    solve_homotopy_and_plans,
+    solve_homotopy_pieces,
+)
+from airrace.procedure.homotopy import HomotopyOutcome
 from airrace.procedure.infeasibility.conflicts import RelaxedRace, conflict_location
 from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
 from airrace.procedure.infeasibility.local_infeasibility import (
-    LocalInfeasibility,
     binding_limit,
     diagnose_window,
-    find_local_infeasibility,
 )
 from airrace.procedure.mesh_check import check_mesh
 from airrace.procedure.mesh_loop import Failure, MeshStrategy, solve_certified, solve_from_starts
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import InitialGuess
 from airrace.procedure.multistart.multistart import search_routes
-from airrace.procedure.multistart.plans import plans_to_search, plans_with_room, replanned_with_room
+from airrace.procedure.multistart.plans import guess_of_optimum, plans_to_search, plans_with_room, replanned_with_room
 from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.planning.plan import plan_race
 from airrace.procedure.pylon_sides import with_other_sides
@@ -208,7 +212,7 @@ def _solve_stages(
     done = dict(finished)
     first_solutions = None
     if Stage.HOMOTOPY in done:
-        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_race(models, session))
+        first_solutions = FirstSolutions(HomotopyOutcome(done[Stage.HOMOTOPY]), relaxed_race(models, session))
     if stages:
         models.preload(stages[0], session.service, _pylon_conditions(done))
     for number, stage in enumerate(stages):
@@ -233,61 +237,6 @@ def _solve_stages(
             return
 
 
-# Homotopy
-
-
-@dataclass(frozen=True)
-class FirstSolutions:
-    """The outcome of the homotopy, and of what was solved beside it.
-
-    Attributes:
-        homotopy: the flight from piece to piece.
-        relaxed: the race with its limits relaxed, as far as that was asked for.
-        plans: what plans of the search have led to; None where none were solved.
-    """
-
-    homotopy: HomotopyOutcome
-    relaxed: RelaxedRace
-    plans: Sequence[CoarseSolution | None] | None = None
-
-
-def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, searches: bool) -> FirstSolutions:
-    """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it.
-
-    With `searches` the point mass follows, which searches for routes.
-    """
-    relaxed = _relaxed_race(models, session)
-    if session.settings.search is SearchEffort.OFF or not searches:
-        return FirstSolutions(_solve_homotopy(models, relaxed, session), relaxed)
-    jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]] = []
-    jobs.append(functools.partial(_solve_homotopy, models, relaxed))
-    starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, QUICK)
-    jobs += [functools.partial(_solve_plan, start) for start in starts]
-    homotopy, *plans = session.side_by_side(jobs)
-    assert isinstance(homotopy, HomotopyOutcome)
-    return FirstSolutions(homotopy, relaxed, [plan for plan in plans if not isinstance(plan, HomotopyOutcome)])
-
-
-def _solve_homotopy(models: StageModels, relaxed: RelaxedRace, session: SolverSession) -> HomotopyOutcome:
-    """Solve phase by phase; given up where legs around a phase that fails are found to be infeasible."""
-
-    def race_is_in_conflict() -> bool:
-        return bool(conflict_location(relaxed.solve(session)))
-
-    def infeasibility_around(problem: Problem, phase: int, guesses: Sequence[Iterate]) -> LocalInfeasibility | None:
-        return find_local_infeasibility(session, problem, phase, guesses, race_is_in_conflict)
-
-    return solve_homotopy(models.problem(Stage.HOMOTOPY), session, infeasibility_around)
-
-
-def _relaxed_race(models: StageModels, session: SolverSession) -> RelaxedRace:
-    return RelaxedRace(models.race, models.problem(Stage.POINT_MASS), session.settings.mesh)
-
-
-def _solve_plan(planned: InitialGuess, session: SolverSession) -> CoarseSolution | None:
-    return solve_coarse(session.service, planned)
-
-
 # Search and point mass
 
 
@@ -302,7 +251,7 @@ def solve_point_mass(
         strategy: how closely it is solved.
         first_solutions: the homotopy; None where the plan is the guess.
     """
-    relaxed = _relaxed_race(models, session) if first_solutions is None else first_solutions.relaxed
+    relaxed = relaxed_race(models, session) if first_solutions is None else first_solutions.relaxed
     result = _search_and_solve(models, session, strategy, first_solutions, relaxed)
     return diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
 
@@ -321,7 +270,7 @@ def _search_and_solve(
     def homotopy() -> HomotopyOutcome:  # where the plan is the guess it is solved only where it is asked for
         if first_solutions is not None:
             return first_solutions.homotopy
-        return _solve_homotopy(models, relaxed, session)
+        return solve_homotopy_pieces(models, relaxed, session)
 
     replanned = replanned_with_room(models.problem(Stage.POINT_MASS))
     starts = _first_starts(models, session, first_solutions, homotopy, replanned, relaxed)
@@ -330,16 +279,22 @@ def _search_and_solve(
     if settings.search is SearchEffort.OFF or (locally_infeasible and plans_fail and replanned is None):
         return solve_from_starts(session, starts, strategy)
 
-    routes = search_routes(
+    search = functools.partial(
+        search_routes,
         models.problem(Stage.POINT_MASS),
         models.race.course,
         session,
         QUICK,
-        _search_starts(models, session, first_solutions),
-        settings.alternatives or 1,
-        solved=(first_solutions and first_solutions.plans) or (),
+        alternatives=settings.alternatives or 1,
         gap=settings.gap if settings.search is SearchEffort.THOROUGH else None,
     )
+    guesses = _search_starts(models, session, first_solutions)
+    routes = search(guesses, solved=(first_solutions and first_solutions.plans) or ())
+    without_search: StageResult | None = None
+    if not routes.starts and settings.search is SearchEffort.THOROUGH:
+        without_search = solve_from_starts(session, starts, strategy)
+        if without_search.holds:  # a flight to search around
+            routes = search([guess_of_optimum(models.problem(Stage.POINT_MASS), without_search)])
     best = routes.search_report(0)
     # All routes that may be the fastest are solved; further ones, one by one, until one is as fast as was expected.
     jobs = [functools.partial(_solve_from, start, strategy) for start in routes.starts]
@@ -349,7 +304,9 @@ def _search_and_solve(
         if any(_is_as_fast_as_expected(result, best) for result in results):
             break
         results.append(job(session))
-    if not any(result.holds for result in results):
+    if without_search is not None:
+        results.append(without_search)
+    elif not any(result.holds for result in results):
         results.append(solve_from_starts(session, starts, strategy))
 
     known_routes, fastest_route = len(results), index_of(fastest_of(results), results)

@@ -146,8 +146,9 @@ def main() -> None:
         bound = thorough.search.bound
         times.append(thorough.trajectory.race_time)
         cells = [f"{value:.3f}" for value in (best, *times)]
-        least = (1.0 - bound.gap) * thorough.trajectory.race_time  # the bound's own mesh makes all flights slower
-        cells += [f"{100 * bound.gap:.2f}", f"{least:.3f}", f"{thorough.search.seconds:.1f}"]
+        if bound is not None:
+            least = (1.0 - bound.gap) * thorough.trajectory.race_time  # the bound's own mesh makes all flights slower
+            cells += [f"{100 * bound.gap:.2f}", f"{least:.3f}", f"{thorough.search.seconds:.1f}"]
         print("| " + " | ".join([Path(course).stem, *cells]) + " |", flush=True)
 
 

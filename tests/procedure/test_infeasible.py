@@ -34,7 +34,9 @@ from airrace.model.track.gates import Gate, Manoeuvre
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.quantities import Interval
+from airrace.procedure import first_solutions as before_point_mass
 from airrace.procedure import procedure
+from airrace.procedure.first_solutions import FirstSolutions, solve_homotopy_and_plans
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, HomotopyOutcome, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import (
@@ -48,7 +50,7 @@ from airrace.procedure.infeasibility.local_infeasibility import (
 )
 from airrace.procedure.mesh_loop import solve_certified
 from airrace.procedure.planning.parameters import relaxable_parameters
-from airrace.procedure.procedure import FirstSolutions, solve_homotopy_and_plans, solve_point_mass
+from airrace.procedure.procedure import solve_point_mass
 from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import Budget, SolverSession
@@ -376,7 +378,8 @@ def test_a_homotopy_with_phases_that_fail_asks_for_conflicts_whether_or_not_it_w
     def location(_: object) -> str:
         return "a -> b"
 
-    monkeypatch.setattr(procedure, "conflict_location", location)
+    for module in (before_point_mass, procedure):
+        monkeypatch.setattr(module, "conflict_location", location)
     chosen = settings(GuessKind.HOMOTOPY, search=SearchEffort.OFF)
     used = SolverSession(Canned("stuck", "solved", "stuck"), chosen, Silent())
     models = models_of(SMALL, chosen, Stage.HOMOTOPY)

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.multistart.coarse_solution import InitialGuess, planned_guess
 from airrace.procedure.multistart.search import SearchBudget, planned_starts
-from airrace.procedure.planning.plan import plan, plan_with_room
+from airrace.procedure.planning.plan import plan, plan_from_solution, plan_with_room
 from airrace.procedure.planning.route_decisions import MIRRORED_TIES
+from airrace.procedure.result import StageResult
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.stage_problem import StageProblem
+from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier
 
 
@@ -31,6 +33,14 @@ def own_plans(stage_problem: StageProblem) -> list[InitialGuess]:
     """Return the race's own plan, and the one that decides ties the other way, on the meshes of coarse solutions."""
     routes = [stage_problem.plan, plan(stage_problem.course, stage_problem.plan.cruise, MIRRORED_TIES)]
     return [planned_guess(stage_problem, route, InitialBarrier.COLD) for route in routes]
+
+
+def guess_of_optimum(stage_problem: StageProblem, optimum: StageResult) -> InitialGuess:
+    """Return the point mass's optimum as a start of a search."""
+    trajectory = optimum.trajectory
+    route = plan_from_solution(stage_problem.course, stage_problem.plan.cruise, trajectory)
+    barrier = InitialBarrier.OTHER_PROBLEM
+    return InitialGuess(replace(stage_problem, plan=route), mesh_of(trajectory), iterate_of(trajectory), barrier)
 
 
 def plans_with_room(stage_problem: StageProblem, budget: SearchBudget) -> list[InitialGuess]:

@@ -14,7 +14,7 @@ from search_races import OFF, QUICK, open_session, planned_coarse_solution
 from search_races import optimum as search_optimum
 
 from airrace.files.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
-from airrace.procedure import mesh_check, procedure, pylon_sides
+from airrace.procedure import first_solutions, mesh_check, procedure, pylon_sides
 from airrace.procedure.homotopy import HomotopyOutcome
 from airrace.procedure.mesh_loop import Failure, solve_certified
 from airrace.procedure.multistart.multistart import FoundRoutes
@@ -192,7 +192,7 @@ def first_stage(
     monkeypatch.setattr(procedure, "solve_from_starts", answers)
     routes = FoundRoutes(starts, lambda _: search, near)
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
-    monkeypatch.setattr(procedure, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
+    monkeypatch.setattr(first_solutions, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
     with open_session(chosen) as session:
         result = solve_point_mass(models_of(SMALL, chosen, Stage.HOMOTOPY), session, solve_certified, None)
     assert answers.verdicts == []
@@ -282,7 +282,7 @@ def close_together(
     left, routes = list(verdicts), FoundRoutes(starts, lambda _: NOT_SEARCHED, near_count=2)
     monkeypatch.setattr(procedure, "solve_from_starts", lambda *_, **__: left.pop(0))
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
-    monkeypatch.setattr(procedure, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
+    monkeypatch.setattr(first_solutions, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
     monkeypatch.setattr(mesh_check, "solve_on_second_mesh", answered)
     with open_session(two) as session:
         result = solve_point_mass(models_of(SMALL, two, Stage.HOMOTOPY), session, real_single_mesh, None)
