@@ -86,6 +86,8 @@ def optimize(
     if gap is not None:
         if search not in (None, SearchEffort.THOROUGH, SearchEffort.THOROUGH.value):
             raise UsageError("--gap is for --search thorough, which it implies")
+        if start is not None:
+            raise UsageError("--gap is for a flight from the course alone: with --start only routes nearby are tried")
         search = SearchEffort.THOROUGH
     path = None if output is None else ensure_run_file(output)
     if path is not None:

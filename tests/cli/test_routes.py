@@ -122,7 +122,9 @@ def test_gap_is_told_stored_and_in_the_object(folder: Path, monkeypatch: pytest.
         ("--alternatives", "two"),
         ("--gap", "2"),
         ("--gap", "-0.1"),
+        ("--gap", "nan"),
         ("--gap", "0.01", "--search", "quick"),
+        ("--gap", "0.01", "--start", "other.h5"),
     ],
 )
 def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, ...]) -> None:
