@@ -17,6 +17,7 @@ from typing import Self
 import casadi as ca
 import numpy as np
 
+from airrace.model.dynamics.flight_model import RollCounter
 from airrace.model.frames import QUATERNION, rotation
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.system import SYMBOLS, Observation
@@ -24,7 +25,7 @@ from airrace.optimal_control.trajectory import Array
 
 PRICE = "price"
 """The quantity that an observation of prices sees, s."""
-COUNTERS = ("Phi", "gain")
+COUNTERS = RollCounter.names()
 """The states that count rolls: they begin anew where they matter, so they have no price."""
 SCALES = {"x": 60.0, "y": 60.0, "z": 40.0, "V_K": 30.0, "n_z": 10.0, "n_y": 1.0, "p_Kbar": 7.0}
 """The changes of states that their weights belong to, in their own units; of any other state its scale."""
