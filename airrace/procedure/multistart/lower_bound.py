@@ -45,6 +45,8 @@ RADIUS, RADIUS_MIN, RADIUS_MAX = 0.05, 0.001, 0.5
 """How far weights may move at a time (s): at first, at least and at most."""
 ASCENT_SHARE = 0.1
 """The share of the rise that a proposal promises by which the bound must rise (1)."""
+RISE_MIN = 1e-6
+"""The least rise for which proposed prices are tried, s."""
 SETTLED = 0.001
 """The share of the race time by which a round must change the bound for another one (1)."""
 SAVED_MIN = 0.003
@@ -55,7 +57,7 @@ APART, ALIKE = 0.3, 1e-3
 """Features differ by this much between flights of which both are worth a start, and by this little in copies (1)."""
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Prices:
     """The prices at all gates between windows, by passage."""
 
@@ -81,7 +83,7 @@ class _Proposal:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """The solution of a linear program: its unknowns, the multipliers of its rows (not negative), what it minimised."""
+    """The optimum of a linear program: its unknowns, the multipliers of its rows (not negative), what it minimised."""
 
     values: np.ndarray
     multipliers: np.ndarray
@@ -90,9 +92,12 @@ class _Solution:
 
 def _linear_program(
     cost: np.ndarray, rows: np.ndarray, upper: np.ndarray, box: Sequence[tuple[float | None, float | None]]
-) -> _Solution:
+) -> _Solution | None:
+    """Return the optimum of `cost . x` with `rows . x <= upper` in a box; None if it is not found."""
     linprog: Any = importlib.import_module("scipy.optimize").linprog  # Any: untyped in scipy, which takes 0.3 s to load
     solution: Any = linprog(cost, rows, upper, bounds=box, method="highs")
+    if not solution.success:
+        return None
     return _Solution(np.array(solution.x), -np.array(solution.ineqlin.marginals), float(solution.fun))
 
 
@@ -105,6 +110,10 @@ class PriceSearch:
         course: that they fly.
         pool: what solves.
         report: takes what is being done, in words.
+
+    Attributes:
+        best: the fastest flight so far.
+        faster: the flights that were the fastest when they were found, the last of them first.
     """
 
     def __init__(
@@ -139,10 +148,11 @@ class PriceSearch:
 
         `best` is a faster flight then, if there is any among the flights that the windows lead to.
         """
-        cover, solved = self._choose_cover(), dict[Window, int]()
+        cover, solved, starts = self._choose_cover(), dict[Window, int](), 0
         radius, previous = RADIUS, -np.inf
         for _ in range(ROUNDS_MAX):
             radius = self._ascend(cover, radius)
+            starts = len(self._all_guesses(self._prices.window(cover[0])))
             solved = self._solve_all(cover, self._prices, self._all_guesses)
             bound = self._bound(cover, self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
@@ -152,7 +162,7 @@ class PriceSearch:
             if bound >= (1.0 - gap) * self.best.race_time or bound < previous + SETTLED * self.best.race_time:
                 break
             previous, radius = bound, max(radius, RADIUS)
-        return self._result(cover, solved)
+        return self._result(cover, solved, starts)
 
     # the flights of the windows
 
@@ -212,24 +222,31 @@ class PriceSearch:
     # the prices
 
     def _choose_cover(self) -> list[Window]:
-        """Return the windows, end to end, whose least priced times add up to the most."""
+        """Return the windows, end to end, whose least priced times add up to the most.
+
+        Windows that no flight was found through are taken only where there are no others: nothing is known of them but
+        what the best flight takes, which is the most that a least priced time can be.
+        """
         self._report("windows between gates")
-        self._solve_all(self._windows(), self._prices, self._own_guess)
-        best: dict[int, tuple[float, list[Window]]] = {0: (0.0, [])}
+        solved = self._solve_all(self._windows(), self._prices, self._own_guess)
+        best: dict[int, tuple[int, float, list[Window]]] = {0: (0, 0.0, [])}  # minus the unsolved, bound, windows
         for last in self._gates[1:]:
-            choices: list[tuple[float, list[Window]]] = []
+            choices: list[tuple[int, float, list[Window]]] = []
             for window in self._windows():
                 if window[1] == last:
-                    before, windows = best[window[0]]
-                    choices.append((before + self._least(self._prices.window(window)), [*windows, window]))
-            best[last] = max(choices, key=lambda choice: choice[0])
-        return best[self._gates[-1]][1]
+                    failures, bound, windows = best[window[0]]
+                    bound += self._least(self._prices.window(window))
+                    choices.append((failures - (not solved[window]), bound, [*windows, window]))
+            best[last] = max(choices, key=lambda choice: choice[:2])
+        return best[self._gates[-1]][2]
 
     def _ascend(self, cover: Sequence[Window], radius: float) -> float:
         """Raise the bound by better prices; return how far weights may move at a time in the end, s."""
         bound = self._bound(cover, self._prices)
         for _ in range(STEPS_MAX):
             proposal = self._propose(cover, radius)
+            if proposal.bound < bound + RISE_MIN:
+                break
             complete = all(self._solve_all(cover, proposal.prices, self._nearest).values())
             reached, bound = self._bound(cover, proposal.prices), self._bound(cover, self._prices)
             if complete and reached > bound + ASCENT_SHARE * (proposal.bound - bound):
@@ -265,10 +282,17 @@ class PriceSearch:
         cost = np.concatenate([np.zeros(len(centre)), -np.ones(len(cover))])
         box = [*((weight - radius, weight + radius) for weight in centre), *([(None, None)] * len(cover))]
         solution = _linear_program(cost, np.array(rows), np.array(seconds), box)
+        if solution is None:  # the prices stay as they are
+            shares = {window: self._shares_of_least(self._prices.window(window)) for window in cover}
+            return _Proposal(self._prices, self._bound(cover, self._prices), shares)
         weights = solution.values[: len(centre)].reshape(len(gates), count)
         ends = np.cumsum([len(self._flights[window]) for window in cover])[:-1]
         shares = dict(zip(cover, np.split(solution.multipliers, ends), strict=True))
         return _Proposal(self._prices.moved(gates, weights), -solution.objective, shares)
+
+    def _shares_of_least(self, priced: PricedWindow) -> np.ndarray:
+        times = np.array([priced.time_of(flight) for flight in self._flights[priced.window]])
+        return (np.arange(len(times)) == times.argmin()).astype(np.float64)
 
     # faster flights
 
@@ -301,7 +325,7 @@ class PriceSearch:
         planned = replace(base, plan=plan(self._course, base.plan.cruise, decisions))
         return solve_coarse(service, InitialGuess(planned, mesh, guess, InitialBarrier.COARSE))
 
-    def _result(self, cover: Sequence[Window], solved: dict[Window, int]) -> LowerBound:
+    def _result(self, cover: Sequence[Window], solved: dict[Window, int], starts: int) -> LowerBound:
         names = [passage.name for passage in self._course.passages]
         windows: list[BoundedWindow] = []
         for first, last in cover:
@@ -309,8 +333,7 @@ class PriceSearch:
             slack = priced.time_of(flights[0]) - self._least(priced)
             legs = self._gates.index(last) - self._gates.index(first)
             windows.append(BoundedWindow(f"{names[first]} -> {names[last]}", legs, slack, solved[first, last]))
-        starts = len(self._all_guesses(self._prices.window(cover[0])))
-        bound = min(self._bound(cover, self._prices), self.best.race_time)
+        bound = min(max(self._bound(cover, self._prices), 0.0), self.best.race_time)
         counts = LEGS_MAX, starts, self._solves, self._unsolved
         return LowerBound(bound, self.best.race_time, *counts, tuple(windows))
 

@@ -120,12 +120,14 @@ def search_routes(
         compared = _distinct(_refine(pool, session, fastest), course)
         compared = _distinct(_with_best_rolls(search, compared), course)
         result, bound = search.result(), None
-        if gap is not None and compared:
-            others = [*_distinct(result.flights, course, PRICED_FLIGHTS_MAX), *own_plans(stage_problem)]
-            others += planned_starts(stage_problem, course, budget)
+        if gap is not None and compared and math.isfinite(compared[0].race_time):
+            plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
+            flights = _distinct(result.flights, course, PRICED_FLIGHTS_MAX)
+            others = [finer_guess(other, session.settings.mesh) for other in (*flights, *plans)]
             prices = PriceSearch(compared[0], others, course, pool, report_progress)
             bound = prices.run(gap)
-            compared = _distinct(_refine(pool, session, [*prices.faster, *compared]), course)
+            faster = _refine(pool, session, prices.faster)
+            compared = _distinct(sorted([*faster, *compared], key=lambda flight: flight.race_time), course)
     seconds = time.perf_counter() - began
 
     def search_report(number: int) -> SearchReport:
@@ -174,10 +176,20 @@ def _refine(pool: SolverPool, session: SolverSession, fastest: list[CoarseSoluti
 
 def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
     """Return a flight on the mesh on which flights are compared; the flight itself where it leads to none there."""
+    return solve_coarse(service, finer_guess(coarse, mesh)) or coarse
+
+
+def finer_guess(flight: CoarseSolution | InitialGuess, mesh: MeshSettings) -> InitialGuess:
+    """Return a flight, or a plan, on the mesh on which flights are compared, to be solved from there."""
+    solved = isinstance(flight, CoarseSolution)
+    iterate, fractions = (flight.iterate, flight.problem.mesh) if solved else (flight.guess, flight.mesh)
     fine = replace(mesh, interval=min(mesh.interval, INTERVAL_SECONDS))
-    target_counts = counts_of(coarse.iterate.durations.tolist(), fine)
-    counts = [max(count, len(phase)) for count, phase in zip(target_counts, coarse.problem.mesh, strict=True)]
-    return solve_coarse(service, on_other_mesh(coarse, counts)) or coarse
+    target_counts = counts_of(iterate.durations.tolist(), fine)
+    counts = [max(count, len(phase)) for count, phase in zip(target_counts, fractions, strict=True)]
+    if solved:
+        return on_other_mesh(flight, counts)
+    fractions, iterate = resample(fractions, iterate, counts)
+    return replace(flight, mesh=fractions, guess=iterate)
 
 
 def _with_best_rolls(search: Search, compared: list[CoarseSolution]) -> list[CoarseSolution]:

@@ -30,9 +30,10 @@ def plans_to_search(stage_problem: StageProblem, settings: MeshSettings, budget:
 
 
 def own_plans(stage_problem: StageProblem) -> list[InitialGuess]:
-    """Return the race's own plan, and the one that decides ties the other way, on the meshes of coarse solutions."""
+    """Return the race's own plan and, if it is another, the one that decides ties the other way; on a coarse mesh."""
     routes = [stage_problem.plan, plan(stage_problem.course, stage_problem.plan.cruise, MIRRORED_TIES)]
-    return [planned_guess(stage_problem, route, InitialBarrier.COLD) for route in routes]
+    own, mirrored = (planned_guess(stage_problem, route, InitialBarrier.COLD) for route in routes)
+    return [own] if np.array_equal(own.guess.state, mirrored.guess.state) else [own, mirrored]
 
 
 def guess_of_optimum(stage_problem: StageProblem, optimum: StageResult) -> InitialGuess:

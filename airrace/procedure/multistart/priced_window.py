@@ -141,10 +141,13 @@ class RaceGuess:
     @classmethod
     def of(cls, flight: CoarseSolution | InitialGuess) -> Self:
         """Return what is guessed of a flight, or of a plan."""
+        barrier = InitialBarrier.PIECES  # the race with prices is a neighbouring problem
         if isinstance(flight, CoarseSolution):
-            race, iterate, barrier = flight.problem, flight.iterate, InitialBarrier.PIECES
+            race, iterate = flight.problem, flight.iterate
         else:
-            race, iterate, barrier = flight.stage_problem.problem(flight.mesh), flight.guess, InitialBarrier.COLD
+            race, iterate = flight.stage_problem.problem(flight.mesh), flight.guess
+            if flight.barrier is InitialBarrier.COLD:
+                barrier = InitialBarrier.COLD
         pieces = [phase_piece(iterate, race, index) for index in range(len(race.phases))]
         return cls(flight.stage_problem, race, pieces, barrier)
 

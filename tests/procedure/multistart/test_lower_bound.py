@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,13 +14,14 @@ from transformations import mirrored
 
 from airrace.files.inputs import load_inputs
 from airrace.model.frames import product, quaternion
-from airrace.optimal_control.solvers.service import SolverPool
+from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.pages.views.stage_tables import bound_text
+from airrace.procedure.multistart import lower_bound, multistart
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.gate_prices import GatePrice, features_of
-from airrace.procedure.multistart.lower_bound import SAVED_MIN, PriceSearch
+from airrace.procedure.multistart.lower_bound import ROUNDS_MAX, SAVED_MIN, PriceSearch
 from airrace.procedure.multistart.plans import own_plans
-from airrace.procedure.multistart.priced_window import PricedWindow, RaceGuess
+from airrace.procedure.multistart.priced_window import PricedWindow, RaceGuess, WindowFlight, WindowGuess
 from airrace.procedure.multistart.search import QUICK, planned_starts
 from airrace.procedure.result import BoundedWindow, LowerBound
 from airrace.race import Race
@@ -124,6 +126,76 @@ def test_mirrored_course_has_the_mirrored_bound() -> None:
     first, second = bounds
     assert first.race_time == pytest.approx(second.race_time, abs=1e-3)
     assert first.seconds == pytest.approx(second.seconds, abs=0.01 * first.race_time)
+
+
+def test_window_without_a_flight_is_taken_only_where_there_is_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    solve = PricedWindow.solve
+
+    def solve_single_legs(self: PricedWindow, service: SolverService, guess: WindowGuess) -> WindowFlight | None:
+        return solve(self, service, guess) if self.window[1] - self.window[0] == 1 else None
+
+    monkeypatch.setattr(PricedWindow, "solve", solve_single_legs)
+    with price_search(SLALOM) as (search, _):
+        bound = search.run(1.0)
+    assert [window.legs for window in bound.windows] == [1, 1, 1]
+
+
+def test_prices_stay_where_the_linear_program_has_no_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lower_bound, "_linear_program", lambda *_: None)
+    with price_search(SLALOM) as (search, _):
+        bound = search.run(1.0)
+    assert 0.0 < bound.seconds <= bound.race_time == search.best.race_time
+    joined = len(bound.windows) + 1
+    assert bound.solves <= 6 + ROUNDS_MAX * (len(bound.windows) * bound.starts + joined)  # of 6 windows some are taken
+
+
+def record_price_search(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[CoarseSolution | InitialGuess]]:
+    """The flights and plans that searches by prices begin with from now on; they are not run."""
+    begun: list[Sequence[CoarseSolution | InitialGuess]] = []
+
+    class Recorder(PriceSearch):
+        def __init__(self, best: CoarseSolution, others: Sequence[CoarseSolution | InitialGuess], *rest: Any) -> None:
+            super().__init__(best, others, *rest)
+            begun.append(others)
+
+        def run(self, gap: float) -> LowerBound:
+            return LowerBound(self.best.race_time, self.best.race_time, 3, 0, 0, 0, ())
+
+    monkeypatch.setattr(multistart, "PriceSearch", Recorder)
+    return begun
+
+
+NO_MOVES = replace(QUICK, iterations=0)
+
+
+def test_windows_are_solved_on_the_mesh_of_the_comparison_from_every_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a coarser one their flights would take longer than they need to, and the bound would be too high."""
+    begun = record_price_search(monkeypatch)
+    with open_session(OFF) as session:
+        multistart.search_routes(prepared(SLALOM), SLALOM.course, session, NO_MOVES, gap=0.01)
+    (others,) = begun
+    assert len(others) > 3
+    for other in others:
+        assert isinstance(other, InitialGuess)
+        for fractions, seconds in zip(other.mesh, other.guess.durations.tolist(), strict=True):
+            assert max(fractions) * seconds <= multistart.INTERVAL_SECONDS
+
+
+def test_flight_whose_errors_are_unknown_has_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = planned_coarse_solution(SLALOM)
+    unknown = replace(flight, errors=np.full_like(flight.errors, np.inf))
+    monkeypatch.setattr(multistart, "solve_finer", lambda _, coarse, **__: coarse)
+    with open_session(OFF) as session:
+        routes = multistart.search_routes(
+            prepared(SLALOM), SLALOM.course, session, NO_MOVES, starts=[], solved=[unknown], gap=0.01
+        )
+    assert len(routes.starts) == 1
+    assert routes.search_report(0).bound is None
+
+
+def test_plan_without_ties_is_one_start() -> None:
+    race = replace(SLALOM, course=course("leg", level("first", 0.0, 0.0, 0.0), level("last", 700.0, 80.0, 20.0)))
+    assert len(own_plans(prepared(race))) == 1
 
 
 def test_race_of_one_leg_is_one_window_whose_bound_is_its_optimum() -> None:
