@@ -53,8 +53,9 @@ SAVED_MIN = 0.003
 """The time that joined flights must save for another round, s."""
 NEAREST = 2
 """Number of known flights from which a window is solved at proposed prices."""
-APART, ALIKE = 0.3, 1e-3
-"""Features differ by this much between flights of which both are worth a start, and by this little in copies (1)."""
+APART, ALIKE, LOWERED_MIN = 0.3, 1e-3, 1e-5
+"""Features differ by this much between flights of which both are worth a start (1), and by this little in copies (1),
+which are kept only where their priced time is lower by so much (s)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +208,8 @@ class PriceSearch:
                 continue
             solved[priced.window] += 1
             known = self._flights[priced.window]
-            if not any(flight.resembles(other, ALIKE) for other in known):
+            highest = priced.time_of(flight) + LOWERED_MIN
+            if not any(flight.resembles(other, ALIKE) and priced.time_of(other) < highest for other in known):
                 known.append(flight)
         self._solves += len(jobs)
         self._unsolved += len(jobs) - sum(solved.values())
