@@ -318,10 +318,6 @@ def _routes(search: SearchReport) -> Iterator[str]:
     counts = (search.converged_to_best, search.converged_elsewhere, search.failed, search.seconds)
     if not all(math.isfinite(count) and count >= 0 for count in counts):
         yield "the record of the search is not possible"
-    if (bound := search.bound) is not None:
-        numbers = [bound.seconds, bound.race_time, *(window.slack for window in bound.windows)]
-        if not all(math.isfinite(number) for number in numbers) or not 0.0 <= bound.seconds <= bound.race_time:
-            yield "the lower bound of the race time is not possible"
     if not search.routes:
         return
     best = search.routes[0].race_time

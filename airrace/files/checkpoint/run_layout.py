@@ -179,8 +179,8 @@ def validate_result(result: StageResult, path: str) -> StageResult:
     Where no flight was found the numbers are those at which the solver gave up, and anything goes.
 
     Raises:
-        CheckpointError: another outcome than those of stages; conditions of pylons that no flight has; a mesh of
-            another flight; histories, times, multipliers or splits that are not finite or larger than `LARGEST`; time
+        CheckpointError: another outcome than those of stages; conditions of pylons that no flight has; a lower bound
+            of the race time that no search leads to; a mesh of another flight; histories, times, multipliers or splits that are not finite or larger than `LARGEST`; time
             that runs backwards, does not begin at 0, or does not pass as the durations of the phases have it; a
             quaternion that is no attitude.
     """
@@ -193,6 +193,11 @@ def validate_result(result: StageResult, path: str) -> StageResult:
         finite = math.isfinite(condition.error) and math.isfinite(condition.roll_acceleration)
         if not (finite and 0 <= condition.leg < legs and 0.0 <= condition.share <= 1.0):
             raise CheckpointError(f"{path}/pylon_conditions: no place or no number of a flight of {legs} legs")
+    if (bound := result.search.bound) is not None:
+        numbers = [bound.race_time, *(window.slack for window in bound.windows)]
+        finite = all(math.isfinite(number) for number in numbers)
+        if not (finite and bound.windows and bound.race_time > 0.0 and 0.0 <= bound.seconds <= bound.race_time):
+            raise CheckpointError(f"{path}/search/bound: no lower bound of a race time")
     if not result.is_flight:
         return result
     trajectory = result.trajectory

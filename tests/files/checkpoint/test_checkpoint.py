@@ -36,6 +36,8 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Trajectory
 from airrace.procedure.result import (
+    BoundedWindow,
+    LowerBound,
     PylonCondition,
     PylonSide,
     Route,
@@ -155,6 +157,25 @@ def test_routes_and_alternatives_are_read_back_in_every_bit(
     write_checkpoint(path, checkpoint_with(result))
     (stored,) = read_checkpoint(path).stages
     assert_same(stored.result, result)
+
+
+BOUND = LowerBound(49.0, 50.0, 3, 17, 400, 30, (BoundedWindow("a -> b", 3, 1.0, 15),))
+
+
+def test_lower_bound_is_read_back(tmp_path: Path) -> None:
+    result = replace(example_result(), search=replace(EXPLORED, bound=BOUND))
+    write_checkpoint(tmp_path / "run.h5", checkpoint_with(result))
+    (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+    assert stored.result.search == result.search
+
+
+@pytest.mark.parametrize(
+    "other", [{"race_time": 0.0, "seconds": 0.0}, {"seconds": 51.0}, {"seconds": math.nan}, {"windows": ()}]
+)
+def test_lower_bounds_that_no_search_leads_to_are_refused(tmp_path: Path, other: dict[str, Any]) -> None:
+    result = replace(example_result(), search=replace(EXPLORED, bound=replace(BOUND, **other)))
+    with pytest.raises(CheckpointError, match=r"/search/bound: no lower bound"):
+        write_checkpoint(tmp_path / "run.h5", checkpoint_with(result))
 
 
 def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_reported(tmp_path: Path) -> None:
