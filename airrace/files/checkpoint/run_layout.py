@@ -180,9 +180,9 @@ def validate_result(result: StageResult, path: str) -> StageResult:
 
     Raises:
         CheckpointError: another outcome than those of stages; conditions of pylons that no flight has; a lower bound
-            of the race time that no search leads to; a mesh of another flight; histories, times, multipliers or splits that are not finite or larger than `LARGEST`; time
-            that runs backwards, does not begin at 0, or does not pass as the durations of the phases have it; a
-            quaternion that is no attitude.
+            of the race time that no search leads to; a mesh of another flight; histories, times, multipliers or splits
+            that are not finite or larger than `LARGEST`; time that runs backwards, does not begin at 0, or does not
+            pass as the durations of the phases have it; a quaternion that is no attitude.
     """
     if result.outcome not in OUTCOMES:
         raise CheckpointError(f"{path}/outcome: unknown outcome {result.outcome.value!r}")
