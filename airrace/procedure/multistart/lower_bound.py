@@ -302,8 +302,10 @@ class PriceSearch:
         own = [self._flights[window][0] for window in cover]
         combinations = [[self._flights[window][int(np.argmax(shares[window]))] for window in cover]]
         for number, window in enumerate(cover):
-            flight = min(self._flights[window], key=self._prices.window(window).time_of)
-            combinations.append([*own[:number], flight, *own[number + 1 :]])
+            time_of = self._prices.window(window).time_of
+            flight = min(self._flights[window], key=time_of)
+            if time_of(flight) < time_of(own[number]) - SAVED_MIN:
+                combinations.append([*own[:number], flight, *own[number + 1 :]])
         changed = [flights for flights in combinations if any(a is not b for a, b in zip(flights, own, strict=True))]
         jobs = [list(zip(cover, flights, strict=True)) for flights in changed]
         outcomes = self._pool.work(jobs, self._join)
