@@ -151,13 +151,22 @@ def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettin
     return solve_coarse(service, finer_guess(coarse, mesh)) or coarse
 
 
-def finer_guess(flight: CoarseSolution | InitialGuess, mesh: MeshSettings) -> InitialGuess:
-    """Return a flight, or a plan, on the mesh on which flights are compared, to be solved from there."""
+def finer_guess(
+    flight: CoarseSolution | InitialGuess, mesh: MeshSettings, counts_min: Sequence[int] = ()
+) -> InitialGuess:
+    """Return a flight, or a plan, on the mesh on which flights are compared, to be solved from there.
+
+    Args:
+        flight: the flight.
+        mesh: the settings of meshes.
+        counts_min: least numbers of intervals of its phases; a plan may expect too little time. Empty for none.
+    """
     solved = isinstance(flight, CoarseSolution)
     iterate, fractions = (flight.iterate, flight.problem.mesh) if solved else (flight.guess, flight.mesh)
     fine = replace(mesh, interval=min(mesh.interval, COMPARED_SECONDS))
-    target_counts = counts_of(iterate.durations.tolist(), fine)
-    counts = [max(count, len(phase)) for count, phase in zip(target_counts, fractions, strict=True)]
+    own_counts = [len(phase) for phase in fractions]
+    fine_counts = counts_of(iterate.durations.tolist(), fine)
+    counts = np.max([own_counts, fine_counts, counts_min or own_counts], axis=0).tolist()
     if solved:
         return on_other_mesh(flight, counts)
     fractions, iterate = resample(fractions, iterate, counts)

@@ -57,8 +57,9 @@ PRUNED_LOSS = 1.0
 """The priced time beyond the least at which a start is not tried again, s."""
 NEAREST = 2
 """Number of known flights from which a window is solved at proposed prices."""
-APART, ALIKE = 0.3, 1e-3
-"""Features differ by this much between flights of which both are worth a start, and by this little in copies (1)."""
+APART, ALIKE, LOWERED_MIN = 0.3, 1e-3, 1e-5
+"""Features differ by this much between flights of which both are worth a start (1), and by this little in copies (1),
+which are kept only where their priced time is lower by so much (s)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,8 @@ class PriceSearch:
         self._course, self._mesh, self._pool, self._report = course, mesh, pool, report
         passages, ends = course.passages, (0, len(course.passages) - 1)
         self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
-        self._others = [RaceGuess.of(finer_guess(other, mesh)) for other in others]
+        counts = [len(phase) for phase in best.problem.mesh]
+        self._others = [RaceGuess.of(finer_guess(other, mesh, counts)) for other in others]
         self._flights: dict[Window, list[WindowFlight]] = {}
         self._starts: dict[Window, list[WindowGuess]] = {}
         self.faster: list[CoarseSolution] = []
@@ -212,8 +214,10 @@ class PriceSearch:
         """Solve windows and keep the flights that are new; return what each guess has led to."""
         outcomes = self._pool.work(jobs, _solve_window)
         for (priced, _), flight in zip(jobs, outcomes, strict=True):
-            known = self._flights[priced.window]
-            if flight is not None and not any(flight.resembles(other, ALIKE) for other in known):
+            if flight is None:
+                continue
+            known, highest = self._flights[priced.window], priced.time_of(flight) + LOWERED_MIN
+            if not any(flight.resembles(other, ALIKE) and priced.time_of(other) < highest for other in known):
                 known.append(flight)
         self._solves += len(jobs)
         self._unsolved += sum(flight is None for flight in outcomes)

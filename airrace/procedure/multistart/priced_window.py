@@ -171,6 +171,7 @@ def moved_guesses(best: CoarseSolution, course: Course, mesh: MeshSettings) -> l
     """Return a flight with each of the moves around it made, alone, and the phases whose route that changes."""
     generator = MoveGenerator(best, course, QUICK.planning_radius.scale(best.stage_problem.plan.cruise))
     everywhere = set(range(len(best.problem.phases)))
+    counts = [len(phase) for phase in best.problem.mesh]
     guesses: list[tuple[frozenset[int], RaceGuess]] = []
     for move in (*generator.moves(everywhere), *generator.rolls(everywhere)):
         pieces = [phase_piece(best.iterate, best.problem, index) for index in range(len(best.problem.phases))]
@@ -182,5 +183,5 @@ def moved_guesses(best: CoarseSolution, course: Course, mesh: MeshSettings) -> l
                 fractions[index] = (1.0 / count,) * count
         start = InitialGuess(move.stage_problem, fractions, concatenate(pieces), InitialBarrier.PIECES)
         changed = range(move.segment.first, move.segment.last) if move.own is None else move.own
-        guesses.append((frozenset(changed), RaceGuess.of(finer_guess(start, mesh))))
+        guesses.append((frozenset(changed), RaceGuess.of(finer_guess(start, mesh, counts))))
     return guesses

@@ -48,6 +48,9 @@ NAMES = [quantity.name for quantity in STATES]
 QUATERNION = [NAMES.index(f"q{component}") for component in range(4)]
 
 
+ONE_LEG = replace(SLALOM, course=course("leg", level("first", 0.0, 0.0, 0.0), level("last", 700.0, 80.0, 20.0)))
+
+
 def random_state(rng: np.random.Generator) -> np.ndarray:
     state = rng.normal(size=len(NAMES))
     state[QUATERNION] = quaternion(*rng.uniform(-math.pi, math.pi, 3))
@@ -190,16 +193,24 @@ def test_flight_whose_errors_are_unknown_has_no_bound(monkeypatch: pytest.Monkey
 
 
 def test_plan_without_ties_is_one_start() -> None:
-    race = replace(SLALOM, course=course("leg", level("first", 0.0, 0.0, 0.0), level("last", 700.0, 80.0, 20.0)))
-    assert len(own_plans(prepared(race))) == 1
+    assert len(own_plans(prepared(ONE_LEG))) == 1
 
 
 def test_race_of_one_leg_is_one_window_whose_bound_is_its_optimum() -> None:
-    race = replace(SLALOM, course=course("leg", level("first", 0.0, 0.0, 0.0), level("last", 700.0, 80.0, 20.0)))
-    with price_search(race) as (search, _):
+    with price_search(ONE_LEG) as (search, _):
         bound = search.run(0.01)
     assert [window.text for window in bound.windows] == ["first -> last"]
-    assert bound.seconds == pytest.approx(planned_coarse_solution(race).race_time, abs=1e-3)
+    assert bound.seconds == pytest.approx(planned_coarse_solution(ONE_LEG).race_time, abs=1e-3)
+
+
+def test_flight_that_is_hardly_lower_lowers_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    def solve_to_half_a_millisecond_less(self: PricedWindow, _: SolverService, guess: WindowGuess) -> WindowFlight:
+        return self.flight(guess, guess.iterate, best.race_time - 5e-4)
+
+    best = planned_coarse_solution(ONE_LEG)
+    monkeypatch.setattr(PricedWindow, "solve", solve_to_half_a_millisecond_less)
+    with price_search(ONE_LEG) as (search, _):
+        assert search.run(0.01).seconds == pytest.approx(best.race_time - 5e-4, abs=1e-9)
 
 
 def test_sentence_tells_the_gap_its_caveat_and_the_widest_window() -> None:
