@@ -21,7 +21,7 @@ import numpy as np
 from airrace.model.track.course import Course
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.procedure.guess import concatenate
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, finer_guess, solve_coarse
 from airrace.procedure.multistart.gate_prices import GatePrice
 from airrace.procedure.multistart.priced_window import (
     PricedWindow,
@@ -29,10 +29,12 @@ from airrace.procedure.multistart.priced_window import (
     Window,
     WindowFlight,
     WindowGuess,
+    moved_guesses,
     rolled_guesses,
 )
 from airrace.procedure.planning.plan import decisions_from_solution, plan
 from airrace.procedure.result import BoundedWindow, LowerBound
+from airrace.procedure.settings import MeshSettings
 from airrace.procedure.warm_start import InitialBarrier
 
 LEGS_MAX = 3
@@ -51,6 +53,8 @@ SETTLED = 0.001
 """The share of the race time by which a round must change the bound for another one (1)."""
 SAVED_MIN = 0.003
 """The time that joined flights must save for another round, s."""
+PRUNED_LOSS = 1.0
+"""The priced time beyond the least at which a start is not tried again, s."""
 NEAREST = 2
 """Number of known flights from which a window is solved at proposed prices."""
 APART, ALIKE, LOWERED_MIN = 0.3, 1e-3, 1e-5
@@ -109,6 +113,7 @@ class PriceSearch:
         best: the flight.
         others: flights and plans on other routes.
         course: that they fly.
+        mesh: the settings of meshes.
         pool: what solves.
         report: takes what is being done, in words.
 
@@ -122,15 +127,18 @@ class PriceSearch:
         best: CoarseSolution,
         others: Sequence[CoarseSolution | InitialGuess],
         course: Course,
+        mesh: MeshSettings,
         pool: SolverPool,
         report: Callable[[str], None],
     ) -> None:
         self.best = best
-        self._course, self._pool, self._report = course, pool, report
+        self._course, self._mesh, self._pool, self._report = course, mesh, pool, report
         passages, ends = course.passages, (0, len(course.passages) - 1)
         self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
-        self._guesses = [RaceGuess.of(other) for other in others]
+        counts = [len(phase) for phase in best.problem.mesh]
+        self._others = [RaceGuess.of(finer_guess(other, mesh, counts)) for other in others]
         self._flights: dict[Window, list[WindowFlight]] = {}
+        self._starts: dict[Window, list[WindowGuess]] = {}
         self.faster: list[CoarseSolution] = []
         self._solves, self._unsolved = 0, 0
         states, nodes = best.problem.system.states, best.problem.first_node
@@ -149,15 +157,19 @@ class PriceSearch:
 
         `best` is a faster flight then, if there is any among the flights that the windows lead to.
         """
-        cover, solved, starts = self._choose_cover(), dict[Window, int](), 0
+        cover, solved = self._choose_cover(), dict[Window, int]()
+        for window in cover:
+            self._starts[window] = [race.within(window) for race in self._others]
+        self._add_starts(cover)
+        starts = min(len(guesses) for guesses in self._starts.values())
         radius, previous = RADIUS, -np.inf
         for _ in range(ROUNDS_MAX):
             radius = self._ascend(cover, radius)
-            starts = len(self._all_guesses(self._prices.window(cover[0])))
-            solved = self._solve_all(cover, self._prices, self._all_guesses)
+            solved = self._solve_from_all(cover)
             bound = self._bound(cover, self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
             if self._fly_faster(cover):
+                self._add_starts(cover)
                 previous = -np.inf
                 continue
             if bound >= (1.0 - gap) * self.best.race_time or bound < previous + SETTLED * self.best.race_time:
@@ -170,7 +182,6 @@ class PriceSearch:
     def _take(self, flight: CoarseSolution) -> None:
         """Take the pieces of a whole flight as flights of all windows."""
         race, times = RaceGuess.of(flight), flight.iterate.durations + flight.error_penalty
-        self._guesses.insert(0, race)
         for window in self._windows():
             guess, seconds = race.within(window), float(times[window[0] : window[1]].sum())
             own = self._prices.window(window).flight(guess, guess.iterate, seconds)
@@ -182,12 +193,14 @@ class PriceSearch:
             windows += [(first, last) for last in self._gates[number + 1 : number + 1 + LEGS_MAX]]
         return windows
 
-    def _own_guess(self, priced: PricedWindow) -> list[WindowGuess]:
-        return [self._guesses[0].within(priced.window)]
-
-    def _all_guesses(self, priced: PricedWindow) -> list[WindowGuess]:
-        own, *others = [race.within(priced.window) for race in self._guesses]
-        return [own, replace(own, barrier=InitialBarrier.COLD), *rolled_guesses(own), *others]
+    def _add_starts(self, cover: Sequence[Window]) -> None:
+        """Let windows start from the best flight, from it rolled, and from the moves around it as well."""
+        moved = moved_guesses(self.best, self._course, self._mesh)
+        race = RaceGuess.of(self.best)
+        for window in cover:
+            own, starts = race.within(window), self._starts[window]
+            starts += [own, replace(own, barrier=InitialBarrier.COLD), *rolled_guesses(own)]
+            starts += [guess.within(window) for phases, guess in moved if not phases.isdisjoint(range(*window))]
 
     def _nearest(self, priced: PricedWindow) -> list[WindowGuess]:
         """Return the known flights of least priced time that differ from one another."""
@@ -197,22 +210,41 @@ class PriceSearch:
                 chosen.append(flight)
         return [flight.guess for flight in chosen]
 
-    def _solve_all(
-        self, windows: Sequence[Window], prices: _Prices, guesses: Callable[[PricedWindow], list[WindowGuess]]
-    ) -> dict[Window, int]:
-        """Solve windows at some prices and keep their flights; return how many guesses of each have led to one."""
-        jobs = [(priced, guess) for priced in map(prices.window, windows) for guess in guesses(priced)]
-        solved = dict.fromkeys(windows, 0)
-        for (priced, _), flight in zip(jobs, self._pool.work(jobs, _solve), strict=True):
+    def _solve(self, jobs: Sequence[tuple[PricedWindow, WindowGuess]]) -> list[WindowFlight | None]:
+        """Solve windows and keep the flights that are new; return what each guess has led to."""
+        outcomes = self._pool.work(jobs, _solve_window)
+        for (priced, _), flight in zip(jobs, outcomes, strict=True):
             if flight is None:
                 continue
-            solved[priced.window] += 1
-            known = self._flights[priced.window]
-            highest = priced.time_of(flight) + LOWERED_MIN
+            known, highest = self._flights[priced.window], priced.time_of(flight) + LOWERED_MIN
             if not any(flight.resembles(other, ALIKE) and priced.time_of(other) < highest for other in known):
                 known.append(flight)
         self._solves += len(jobs)
-        self._unsolved += len(jobs) - sum(solved.values())
+        self._unsolved += sum(flight is None for flight in outcomes)
+        return outcomes
+
+    def _solve_from_nearest(self, cover: Sequence[Window], prices: _Prices) -> bool:
+        """Solve windows from the nearest known flights; return whether every window has led to a flight."""
+        jobs = [(priced, guess) for priced in map(prices.window, cover) for guess in self._nearest(priced)]
+        solved = {
+            priced.window for (priced, _), flight in zip(jobs, self._solve(jobs), strict=True) if flight is not None
+        }
+        return len(solved) == len(cover)
+
+    def _solve_from_all(self, cover: Sequence[Window]) -> dict[Window, int]:
+        """Solve windows from all starts; return how many of each have led to a flight.
+
+        Starts are pruned by their priced times: one whose flight is far from the least is not tried again.
+        """
+        jobs = [(self._prices.window(window), guess) for window in cover for guess in self._starts[window]]
+        outcomes = self._solve(jobs)
+        self._starts = {window: [] for window in cover}
+        solved = dict.fromkeys(cover, 0)
+        for (priced, guess), flight in zip(jobs, outcomes, strict=True):
+            if flight is not None:
+                solved[priced.window] += 1
+                if priced.time_of(flight) <= self._least(priced) + PRUNED_LOSS:
+                    self._starts[priced.window].append(guess)
         return solved
 
     def _least(self, priced: PricedWindow) -> float:
@@ -230,15 +262,17 @@ class PriceSearch:
         what the best flight takes, which is the most that a least priced time can be.
         """
         self._report("windows between gates")
-        solved = self._solve_all(self._windows(), self._prices, self._own_guess)
+        race, windows = RaceGuess.of(self.best), self._windows()
+        outcomes = self._solve([(self._prices.window(window), race.within(window)) for window in windows])
+        solved = dict(zip(windows, outcomes, strict=True))
         best: dict[int, tuple[int, float, list[Window]]] = {0: (0, 0.0, [])}  # minus the unsolved, bound, windows
         for last in self._gates[1:]:
             choices: list[tuple[int, float, list[Window]]] = []
-            for window in self._windows():
+            for window in windows:
                 if window[1] == last:
-                    failures, bound, windows = best[window[0]]
+                    failures, bound, before = best[window[0]]
                     bound += self._least(self._prices.window(window))
-                    choices.append((failures - (not solved[window]), bound, [*windows, window]))
+                    choices.append((failures - (solved[window] is None), bound, [*before, window]))
             best[last] = max(choices, key=lambda choice: choice[:2])
         return best[self._gates[-1]][2]
 
@@ -249,7 +283,7 @@ class PriceSearch:
             proposal = self._propose(cover, radius)
             if proposal.bound < bound + RISE_MIN:
                 break
-            complete = all(self._solve_all(cover, proposal.prices, self._nearest).values())
+            complete = self._solve_from_nearest(cover, proposal.prices)
             reached, bound = self._bound(cover, proposal.prices), self._bound(cover, self._prices)
             if complete and reached > bound + ASCENT_SHARE * (proposal.bound - bound):
                 self._prices, bound, radius = proposal.prices, reached, min(1.5 * radius, RADIUS_MAX)
@@ -304,8 +338,10 @@ class PriceSearch:
         own = [self._flights[window][0] for window in cover]
         combinations = [[self._flights[window][int(np.argmax(shares[window]))] for window in cover]]
         for number, window in enumerate(cover):
-            flight = min(self._flights[window], key=self._prices.window(window).time_of)
-            combinations.append([*own[:number], flight, *own[number + 1 :]])
+            time_of = self._prices.window(window).time_of
+            flight = min(self._flights[window], key=time_of)
+            if time_of(flight) < time_of(own[number]) - SAVED_MIN:
+                combinations.append([*own[:number], flight, *own[number + 1 :]])
         changed = [flights for flights in combinations if any(a is not b for a, b in zip(flights, own, strict=True))]
         jobs = [list(zip(cover, flights, strict=True)) for flights in changed]
         outcomes = self._pool.work(jobs, self._join)
@@ -340,6 +376,6 @@ class PriceSearch:
         return LowerBound(bound, self.best.race_time, *counts, tuple(windows))
 
 
-def _solve(service: SolverService, job: tuple[PricedWindow, WindowGuess]) -> WindowFlight | None:
+def _solve_window(service: SolverService, job: tuple[PricedWindow, WindowGuess]) -> WindowFlight | None:
     priced, guess = job
     return priced.solve(service, guess)

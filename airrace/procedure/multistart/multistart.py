@@ -18,14 +18,13 @@ import numpy as np
 from airrace.model.track.course import Course
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.procedure.guess import counts_of
+from airrace.optimal_control.solvers.service import SolverPool
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
     InitialGuess,
     intervals,
-    on_other_mesh,
     solve_coarse,
+    solve_finer,
 )
 from airrace.procedure.multistart.lower_bound import PriceSearch
 from airrace.procedure.multistart.plans import own_plans
@@ -50,9 +49,6 @@ from airrace.procedure.warm_start import InitialBarrier, Start
 
 COMPARED_LAG = 0.4
 """Largest lag behind the best flight with which a flight is compared again, s."""
-INTERVAL_SECONDS = 0.15
-"""Approximate length of an interval of the mesh on which flights are compared, s. On one of 0.22 s rolls are misjudged
-by 20 ms, on one of 0.15 s by 2 ms."""
 NEAR_LAG = 0.1
 """Largest lag with which the rolls of a flight are tried the other way, and with which it is refined and certified
 before one is chosen, s. Race times on the mesh of the comparison err by 50 to 90 ms."""
@@ -123,9 +119,7 @@ def search_routes(
         if gap is not None and compared and math.isfinite(compared[0].race_time):
             plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
             flights = _distinct(result.flights, course, PRICED_FLIGHTS_MAX)
-            counts = [len(phase) for phase in compared[0].problem.mesh]
-            others = [finer_guess(other, session.settings.mesh, counts) for other in (*flights, *plans)]
-            prices = PriceSearch(compared[0], others, course, pool, report_progress)
+            prices = PriceSearch(compared[0], [*flights, *plans], course, session.settings.mesh, pool, report_progress)
             bound = prices.run(gap)
             faster = _refine(pool, session, prices.faster)
             compared = _distinct(sorted([*faster, *compared], key=lambda flight: flight.race_time), course)
@@ -173,33 +167,6 @@ def _refine(pool: SolverPool, session: SolverSession, fastest: list[CoarseSoluti
     """Return the flights on the mesh with which their mesh check begins, the fastest first."""
     finer = pool.work(fastest, partial(solve_finer, mesh=session.settings.mesh))
     return sorted(finer, key=lambda flight: flight.race_time)
-
-
-def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
-    """Return a flight on the mesh on which flights are compared; the flight itself where it leads to none there."""
-    return solve_coarse(service, finer_guess(coarse, mesh)) or coarse
-
-
-def finer_guess(
-    flight: CoarseSolution | InitialGuess, mesh: MeshSettings, counts_min: Sequence[int] = ()
-) -> InitialGuess:
-    """Return a flight, or a plan, on the mesh on which flights are compared, to be solved from there.
-
-    Args:
-        flight: the flight.
-        mesh: the settings of meshes.
-        counts_min: least numbers of intervals of its phases; a plan may expect too little time. Empty for none.
-    """
-    solved = isinstance(flight, CoarseSolution)
-    iterate, fractions = (flight.iterate, flight.problem.mesh) if solved else (flight.guess, flight.mesh)
-    fine = replace(mesh, interval=min(mesh.interval, INTERVAL_SECONDS))
-    own_counts = [len(phase) for phase in fractions]
-    fine_counts = counts_of(iterate.durations.tolist(), fine)
-    counts = np.max([own_counts, fine_counts, counts_min or own_counts], axis=0).tolist()
-    if solved:
-        return on_other_mesh(flight, counts)
-    fractions, iterate = resample(fractions, iterate, counts)
-    return replace(flight, mesh=fractions, guess=iterate)
 
 
 def _with_best_rolls(search: Search, compared: list[CoarseSolution]) -> list[CoarseSolution]:

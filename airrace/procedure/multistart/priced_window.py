@@ -7,13 +7,23 @@ from typing import Self
 import numpy as np
 
 from airrace.model.frames import product
+from airrace.model.track.course import Course
 from airrace.optimal_control.problem import Iterate, Problem, StartCost
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions, concatenate, phase_piece
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, objective_error, try_solve
+from airrace.procedure.multistart.coarse_solution import (
+    CoarseSolution,
+    InitialGuess,
+    finer_guess,
+    objective_error,
+    try_solve,
+)
 from airrace.procedure.multistart.gate_prices import PRICE, GatePrice
+from airrace.procedure.multistart.moves import MoveGenerator
+from airrace.procedure.multistart.search import QUICK
+from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 
@@ -155,3 +165,23 @@ class RaceGuess:
         """Return the guess of a window."""
         first, last = window
         return WindowGuess(self.stage_problem, self.race, concatenate(self.pieces[first:last]), self.barrier)
+
+
+def moved_guesses(best: CoarseSolution, course: Course, mesh: MeshSettings) -> list[tuple[frozenset[int], RaceGuess]]:
+    """Return a flight with each of the moves around it made, alone, and the phases whose route that changes."""
+    generator = MoveGenerator(best, course, QUICK.planning_radius.scale(best.stage_problem.plan.cruise))
+    everywhere = set(range(len(best.problem.phases)))
+    counts = [len(phase) for phase in best.problem.mesh]
+    guesses: list[tuple[frozenset[int], RaceGuess]] = []
+    for move in (*generator.moves(everywhere), *generator.rolls(everywhere)):
+        pieces = [phase_piece(best.iterate, best.problem, index) for index in range(len(best.problem.phases))]
+        fractions = best.problem.mesh
+        for index, piece in zip(move.phases, move.pieces, strict=True):
+            count = piece.control.shape[1]
+            pieces[index] = piece
+            if len(fractions[index]) != count:
+                fractions[index] = (1.0 / count,) * count
+        start = InitialGuess(move.stage_problem, fractions, concatenate(pieces), InitialBarrier.PIECES)
+        changed = range(move.segment.first, move.segment.last) if move.own is None else move.own
+        guesses.append((frozenset(changed), RaceGuess.of(finer_guess(start, mesh, counts))))
+    return guesses

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,13 @@ from airrace.model.frames import product, quaternion
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.pages.views.stage_tables import bound_text
 from airrace.procedure.multistart import lower_bound, multistart
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import (
+    COMPARED_SECONDS,
+    CoarseSolution,
+    InitialGuess,
+    solve_coarse,
+    solve_finer,
+)
 from airrace.procedure.multistart.gate_prices import GatePrice, features_of
 from airrace.procedure.multistart.lower_bound import ROUNDS_MAX, SAVED_MIN, PriceSearch
 from airrace.procedure.multistart.plans import own_plans
@@ -35,7 +40,7 @@ def price_search(
     with open_session(OFF) as session, session.pool() as pool:
         flight = flight or planned_coarse_solution(race)
         plans = [*own_plans(prepared(race)), *others]
-        yield PriceSearch(flight, plans, race.course, pool, lambda _: None), pool
+        yield PriceSearch(flight, plans, race.course, OFF.mesh, pool, lambda _: None), pool
 
 
 STATES = prepared(SLALOM).model.system.states
@@ -152,36 +157,27 @@ def test_prices_stay_where_the_linear_program_has_no_optimum(monkeypatch: pytest
     assert bound.solves <= 6 + ROUNDS_MAX * (len(bound.windows) * bound.starts + joined)  # of 6 windows some are taken
 
 
-def record_price_search(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[CoarseSolution | InitialGuess]]:
-    """The flights and plans that searches by prices begin with from now on; they are not run."""
-    begun: list[Sequence[CoarseSolution | InitialGuess]] = []
-
-    class Recorder(PriceSearch):
-        def __init__(self, best: CoarseSolution, others: Sequence[CoarseSolution | InitialGuess], *rest: Any) -> None:
-            super().__init__(best, others, *rest)
-            begun.append(others)
-
-        def run(self, gap: float) -> LowerBound:
-            return LowerBound(self.best.race_time, self.best.race_time, 3, 0, 0, 0, ())
-
-    monkeypatch.setattr(multistart, "PriceSearch", Recorder)
-    return begun
-
-
 NO_MOVES = replace(QUICK, iterations=0)
 
 
 def test_windows_are_solved_on_the_mesh_of_the_comparison_from_every_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a coarser one their flights would take longer than they need to, and the bound would be too high."""
-    begun = record_price_search(monkeypatch)
+    jobs: list[tuple[PricedWindow, WindowGuess]] = []
+
+    def record(_: SolverService, job: tuple[PricedWindow, WindowGuess]) -> None:
+        jobs.append(job)
+
+    monkeypatch.setattr(lower_bound, "_solve_window", record)
     with open_session(OFF) as session:
-        multistart.search_routes(prepared(SLALOM), SLALOM.course, session, NO_MOVES, gap=0.01)
-    (others,) = begun
-    assert len(others) > 3
-    for other in others:
-        assert isinstance(other, InitialGuess)
-        for fractions, seconds in zip(other.mesh, other.guess.durations.tolist(), strict=True):
-            assert max(fractions) * seconds <= multistart.INTERVAL_SECONDS
+        fine = solve_finer(session.service, planned_coarse_solution(SLALOM), OFF.mesh)
+    with price_search(SLALOM, fine, planned_starts(prepared(SLALOM), SLALOM.course, QUICK)) as (search, _):
+        bound = search.run(0.01)
+    assert bound.unsolved == bound.solves == len(jobs)
+    assert bound.starts > 10
+    for priced, guess in jobs:
+        mesh = guess.race.mesh[slice(*priced.window)]
+        for fractions, seconds in zip(mesh, guess.iterate.durations.tolist(), strict=True):
+            assert max(fractions) * seconds <= COMPARED_SECONDS
 
 
 def test_flight_whose_errors_are_unknown_has_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
