@@ -244,7 +244,8 @@ class LowerBound:
         seconds: no flight is faster, s, on the mesh on which routes are compared.
         race_time: of the best flight on that mesh, s.
         legs_max: largest number of legs of a window, from one gate that stands to the next.
-        starts: number of starts from which each window was solved at the final prices.
+        starts: least number of starts of a window; those that led to flights far from the least, or to none, were not
+            tried at the final prices.
         solves: number of all solves of windows and of joined flights.
         unsolved: number of those that led to no flight.
         windows: end to end, they make up the race.

@@ -234,17 +234,19 @@ class PriceSearch:
     def _solve_from_all(self, cover: Sequence[Window]) -> dict[Window, int]:
         """Solve windows from all starts; return how many of each have led to a flight.
 
-        Starts are pruned by their priced times: one whose flight is far from the least is not tried again.
+        Starts are pruned by their priced times: one that leads to no flight, or to one far from the least, is not
+        tried again, unless all of a window's are such.
         """
         jobs = [(self._prices.window(window), guess) for window in cover for guess in self._starts[window]]
         outcomes = self._solve(jobs)
-        self._starts = {window: [] for window in cover}
+        near: dict[Window, list[WindowGuess]] = {window: [] for window in cover}
         solved = dict.fromkeys(cover, 0)
         for (priced, guess), flight in zip(jobs, outcomes, strict=True):
             if flight is not None:
                 solved[priced.window] += 1
                 if priced.time_of(flight) <= self._least(priced) + PRUNED_LOSS:
-                    self._starts[priced.window].append(guess)
+                    near[priced.window].append(guess)
+        self._starts = {window: near[window] or self._starts[window] for window in cover}
         return solved
 
     def _least(self, priced: PricedWindow) -> float:

@@ -29,6 +29,7 @@ from airrace.procedure.multistart.plans import own_plans
 from airrace.procedure.multistart.priced_window import PricedWindow, RaceGuess, WindowFlight, WindowGuess
 from airrace.procedure.multistart.search import QUICK, planned_starts
 from airrace.procedure.result import BoundedWindow, LowerBound
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.race import Race
 
 
@@ -146,6 +147,23 @@ def test_window_without_a_flight_is_taken_only_where_there_is_no_other(monkeypat
     with price_search(SLALOM) as (search, _):
         bound = search.run(1.0)
     assert [window.legs for window in bound.windows] == [1, 1, 1]
+
+
+def test_starts_that_all_fail_are_tried_at_other_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[WindowGuess] = []
+
+    def fail_on_the_first_leg(self: PricedWindow, _: SolverService, guess: WindowGuess) -> WindowFlight | None:
+        if self.window == (0, 1):
+            tried.append(guess)
+            return None
+        return self.flight(guess, guess.iterate, 1.0)
+
+    monkeypatch.setattr(PricedWindow, "solve", fail_on_the_first_leg)
+    monkeypatch.setattr(lower_bound, "LEGS_MAX", 1)
+    with price_search(SLALOM) as (search, _):
+        search.run(0.0)
+    plan = next(guess for guess in tried if guess.barrier is InitialBarrier.COLD)
+    assert sum(guess is plan for guess in tried) > 1
 
 
 def test_prices_stay_where_the_linear_program_has_no_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
