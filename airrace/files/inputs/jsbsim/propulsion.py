@@ -89,7 +89,7 @@ def read_engines(document: JsbsimDocument) -> tuple[list[PropellerEngine], str]:
         InputError: a file or a number is missing.
     """
     section = document if document.root.find("propulsion") is None else document.section("propulsion")
-    folder, engines = section.path.parent, list[PropellerEngine]()
+    folder, engines = section.path.resolve().parent, list[PropellerEngine]()
     for element in section.root.findall("engine"):
         thruster = section.child(element, "thruster")
         folders = [folder / "Engines", folder, folder.parent / "engine", folder.parent.parent / "engine"]

@@ -167,6 +167,29 @@ def test_what_is_wrong_is_refused_with_its_line(tmp_path: Path, old: str, new: s
     assert refused.value.findings[0].line > 0
 
 
+def test_a_missing_part_is_refused_at_the_line_where_its_element_begins(tmp_path: Path) -> None:
+    text = "<!-- mine -->\n" + document().replace("emptywt", "weight")
+    with pytest.raises(InputError) as refused:
+        read(tmp_path, text)
+    begin = next(number for number, line in enumerate(text.splitlines(), 1) if "<mass_balance>" in line)
+    assert refused.value.findings[0].line == begin
+
+
+def test_engines_are_found_from_within_the_aircrafts_own_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangar, engines = tmp_path / "aircraft" / "mine", tmp_path / "engine"
+    hangar.mkdir(parents=True)
+    engines.mkdir()
+    (engines / "jet.xml").write_text("<turbine_engine/>")
+    (engines / "straight.xml").write_text("<direct/>")
+    engine = '<propulsion><engine file="jet"><thruster file="straight"/></engine></propulsion>'
+    (hangar / "mine.xml").write_text(document(engine=engine))
+    monkeypatch.chdir(hangar)
+    remarks = read_jsbsim_aircraft(Path("mine.xml"), TEMPLATE).remarks
+    assert any("turbine_engine with direct" in remark for remark in remarks)
+
+
 def test_a_function_that_depends_on_itself_is_refused(tmp_path: Path) -> None:
     text = document(lift="<p>loop</p>").replace(
         "<aerodynamics>", '<aerodynamics><function name="loop"><p>loop</p></function>'
