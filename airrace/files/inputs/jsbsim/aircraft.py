@@ -29,7 +29,7 @@ from airrace.model.aircraft import (
     SideForce,
     YawMoment,
 )
-from airrace.model.dynamics.flight_manual import Relations
+from airrace.model.dynamics.flight_manual import Relations, stall_speed
 from airrace.model.environment import RHO_ISA, g0
 from airrace.model.splines import Table
 from airrace.optimal_control.quantities import Interval
@@ -163,8 +163,7 @@ def _fitted_propulsion(engines: Sequence[PropellerEngine], table: Table, templat
 def _with_roll_limits(aircraft: Aircraft, template: Aircraft) -> Aircraft:
     """Return an aircraft that rolls as fast as its ailerons make it at V_A, but no faster than the template may."""
     airframe, roll, limits = aircraft.airframe, aircraft.roll, template.point_mass
-    load = 2.0 * airframe.m * g0 / (RHO_ISA * airframe.S * aircraft.lift.C_L_max)
-    V = min(math.sqrt(template.envelope.n_z.upper * load), template.envelope.V.upper)
+    V = min(stall_speed(aircraft) * math.sqrt(template.envelope.n_z.upper), template.envelope.V.upper)
     C_l = abs(roll.C_lxi) * aircraft.surfaces.xi.upper
     p = C_l / max(-roll.C_lp, 1e-9) * 2.0 * V / airframe.b
     p_dot = 0.5 * RHO_ISA * V**2 * airframe.S * airframe.b * C_l / airframe.I_x

@@ -6,33 +6,27 @@ function is a property of its own name. A property that has no value counts as 0
 
 import math
 import operator
-from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from airrace.files.inputs.jsbsim.document import JsbsimDocument
 
-OF_ANY: Mapping[str, Callable[[Sequence[float]], float]] = {
-    "sum": sum,
-    "product": math.prod,
-    "difference": lambda a: a[0] - sum(a[1:]),
-    "min": min,
-    "max": max,
-    "avg": lambda a: sum(a) / len(a),
-    "and": all,
-    "or": any,
-    "ifthen": lambda a: a[1] if a[0] else a[2],
-    "switch": lambda a: a[1:][round(a[0])],
-    "interpolate1d": lambda a: interpolated(a[0], a[1::2], a[2::2]),
-    "pi": lambda a: math.pi,
-}
-"""Operations of any number of operands; left out are those that are random, turn frames, or depend on time."""
-OF_TWO: Mapping[str, Callable[[float, float], float]] = {
-    "quotient": lambda a, b: a / b,
+_LIKE_PYTHON = ("sqrt", "exp", "log2", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
+OPERATIONS: Mapping[str, Callable[..., float]] = {
+    "pi": lambda: math.pi,
+    "sum": lambda *a: sum(a),
+    "product": lambda *a: math.prod(a),
+    "difference": lambda a, *b: a - sum(b),
+    "min": lambda *a: min(a),
+    "max": lambda *a: max(a),
+    "avg": lambda *a: sum(a) / len(a),
+    "quotient": operator.truediv,
     "pow": math.pow,
-    "mod": lambda a, b: a % b,
+    "mod": operator.mod,
     "fmod": math.fmod,
     "atan2": math.atan2,
     "nq": operator.ne,
@@ -41,12 +35,14 @@ OF_TWO: Mapping[str, Callable[[float, float], float]] = {
     "gt": operator.gt,
     "ge": operator.ge,
     "eq": operator.eq,
-}
-_LIKE_PYTHON = ("sqrt", "exp", "log2", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
-OF_ONE: Mapping[str, Callable[[float], float]] = {
+    "and": lambda *a: all(a),
+    "or": lambda *a: any(a),
+    "not": operator.not_,
+    "ifthen": lambda condition, a, b: a if condition else b,
+    "switch": lambda number, *a: a[round(number)],
+    "interpolate1d": lambda a, *pairs: np.interp(a, pairs[::2], pairs[1::2]),
     "ln": math.log,
     "abs": abs,
-    "not": operator.not_,
     "integer": math.trunc,
     "fraction": lambda a: math.modf(a)[0],
     "sign": lambda a: -1.0 if a < 0.0 else 1.0,
@@ -54,6 +50,7 @@ OF_ONE: Mapping[str, Callable[[float], float]] = {
     "todegrees": math.degrees,
     **{name: getattr(math, name) for name in _LIKE_PYTHON},
 }
+"""Operations of their operands; left out are those that are random, turn frames, or depend on time."""
 ABOUT = ("description", "documentation")
 """Elements of a function that say something about it."""
 
@@ -119,18 +116,14 @@ class Functions:
     def _operation(self, name: str, element: Element, state: Mapping[str, float]) -> float:
         arguments = [self._operand(child, state) for child in element if child.tag not in ABOUT]
         place, values = self.section.place(element), ", ".join(f"{argument:g}" for argument in arguments)
+        if name not in OPERATIONS:
+            raise NotEvaluated(f"<{name}> at {place} is no operation that is read")
         try:
-            if name in OF_ANY:
-                return float(OF_ANY[name](arguments))
-            if name in OF_TWO:
-                return float(OF_TWO[name](*arguments))
-            if name in OF_ONE:
-                return float(OF_ONE[name](*arguments))
+            return float(OPERATIONS[name](*arguments))
         except TypeError:
-            self.section.refuse(element, f"takes {2 if name in OF_TWO else 1} operands; holds {len(arguments)}")
+            self.section.refuse(element, f"has another number of operands than {len(arguments)}")
         except (ArithmeticError, ValueError, IndexError):
             raise NotEvaluated(f"<{name}> at {place} has no value at {values}") from None
-        raise NotEvaluated(f"<{name}> at {place} is no operation that is read")
 
     def _looked_up(self, element: Element, state: Mapping[str, float]) -> float:
         variables = {child.get("lookup", "row"): (child.text or "").strip() for child in element.iter("independentVar")}
@@ -159,7 +152,7 @@ class JsbsimTable:
         """Return the value at as many places as there are variables: row, column, sheet."""
         *inner, last = places
         values = [value(*inner) if isinstance(value, JsbsimTable) else value for value in self.values]
-        return interpolated(last, self.knots, values)
+        return float(np.interp(last, self.knots, values))
 
 
 def read_table(document: JsbsimDocument, element: Element, variables: int) -> JsbsimTable:
@@ -193,12 +186,3 @@ def _increasing(document: JsbsimDocument, element: Element, knots: Sequence[floa
     if any(later <= earlier for earlier, later in pairwise(knots)):
         document.refuse(element, "must have knots that increase from each to the next")
     return knots
-
-
-def interpolated(x: float, knots: Sequence[float], values: Sequence[float]) -> float:
-    """Return the linear interpolation at `x`, the end values beyond the knots."""
-    if x <= knots[0] or x >= knots[-1]:
-        return values[0 if x <= knots[0] else -1]
-    upper = bisect_right(knots, x)
-    share = (x - knots[upper - 1]) / (knots[upper] - knots[upper - 1])
-    return values[upper - 1] + share * (values[upper] - values[upper - 1])
