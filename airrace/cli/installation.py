@@ -108,11 +108,13 @@ def solve_known_problem() -> str:
 def _packages() -> Iterator[Component]:
     """Yield airrace and all that it needs, also what only some commands do."""
     yield Component("airrace", version("airrace"))
+    names: set[str] = set()
     for text in requires("airrace") or ():
         match = _REQUIREMENT.match(text)
         extra = match and match["extra"]
-        if match is None or (extra and extra not in USES):
+        if match is None or (extra and extra not in USES) or match["name"] in names:
             continue
+        names.add(match["name"])
         try:
             yield Component(match["name"], version(match["name"]), USES[extra] if extra else "")
         except PackageNotFoundError:

@@ -77,7 +77,7 @@ class Catalogue:
 
 
 def catalogue() -> Catalogue:
-    """Read the shipped courses and aircraft, in alphabetical order of their names, and aircraft of installed packages."""
+    """Read the shipped courses and aircraft, and aircraft of installed packages, each by name."""
     return Catalogue(tuple(map(_track, TRACKS.names)), tuple(map(_aircraft, AIRCRAFT.names)), preset_names())
 
 

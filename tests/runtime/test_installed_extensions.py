@@ -8,13 +8,13 @@ import pytest
 from airrace.cli.installation import examine
 from airrace.errors import UsageError
 from airrace.files.inputs.document import AIRCRAFT
+from airrace.runs.courses import catalogue
 from airrace.runtime.extensions import (
     extension_versions,
     installed_aircraft,
     installed_extensions,
     load_extensions,
 )
-from airrace.runs.courses import catalogue
 
 Install = Callable[..., Path]
 
