@@ -95,9 +95,11 @@ def read_jsbsim_aircraft(path: Path, template: Aircraft) -> JsbsimAircraft:
         document.refuse(root, "has no lift that grows with the angle of attack")
     engines, no_engine = read_engines(document)
     lift, lift_table = derivation.lift(attached, linear)
+    of_template = {"beta_A_max"}
     for name, edge, place in (("C_L_max", len(SWEEP) - 1, -1), ("C_L_min", 0, 0)):
         if attached[place] == edge:
             lift = dataclasses.replace(lift, **{name: getattr(template.lift, name)})
+            of_template.add(name)
             remarks.append(f"{name}: no stall within {math.degrees(SWEEP[edge]):.0f} deg; it is the template's")
     drag, drag_table = derivation.drag(attached, template.drag.beta_A_max)
     propulsion, thrust = template.propulsion, template.tables and template.tables.thrust
@@ -128,7 +130,7 @@ def read_jsbsim_aircraft(path: Path, template: Aircraft) -> JsbsimAircraft:
     relations: dict[tuple[str, str], str] = {}
     for group in GROUPS:
         numbers: object = getattr(aircraft, group)
-        relations |= {(group, name): SET for name in vars(numbers) if name != "beta_A_max"}
+        relations |= {(group, name): SET for name in vars(numbers) if name not in of_template}
     relations |= {("surfaces", f"{name.removeprefix('left-')}_travel_deg"): SET for name in SURFACES.values()}
     relations |= {("propulsion", name): SET for name in ("P_max", "eta_p", "T_static") if engines}
     relations |= {("point_mass", name): "full ailerons at V_A, at most the template's" for name in ("p", "p_dot")}

@@ -115,6 +115,15 @@ def test_numbers_are_those_of_the_functions(tmp_path: Path) -> None:
     assert "propulsion, no engine" in remarks
 
 
+def test_lift_without_a_stall_keeps_the_limits_of_the_template_and_says_so(tmp_path: Path) -> None:
+    result = read(tmp_path, document(lift=slope(5.0, "aero/alpha-rad")))
+    for name in ("C_L_max", "C_L_min"):
+        assert getattr(result.aircraft.lift, name) == getattr(TEMPLATE.lift, name)
+        assert ("lift", name) not in result.relations
+        assert any(remark.startswith(f"{name}: no stall") for remark in result.remarks)
+    assert ("lift", "C_Lalpha") in result.relations
+
+
 def test_a_reference_point_behind_the_centre_of_mass_makes_lift_pitch_the_nose_down(tmp_path: Path) -> None:
     behind = 0.15
     pitch, shifted = (read(tmp_path, document(reference)).aircraft.pitch for reference in (0.0, behind))
