@@ -15,18 +15,29 @@ import numpy as np
 
 from airrace.files.inputs.jsbsim.document import JsbsimDocument
 
+OF_ANY: Mapping[str, Callable[[Sequence[float]], float]] = {
+    "pi": lambda a: math.pi,
+    "sum": sum,
+    "product": math.prod,
+    "difference": lambda a: a[0] - sum(a[1:]),
+    "min": min,
+    "max": max,
+    "avg": lambda a: sum(a) / len(a),
+    "and": all,
+    "or": any,
+    "ifthen": lambda a: a[1] if a[0] else a[2],
+    "switch": lambda a: a[1:][round(a[0])],
+    "interpolate1d": lambda a: float(np.interp(a[0], a[1::2], a[2::2])),
+    "sign": lambda a: -1.0 if a[0] < 0.0 else 1.0,
+    "integer": lambda a: math.trunc(a[0]),
+    "fraction": lambda a: math.modf(a[0])[0],
+}
+"""Operations of any number of operands; left out are those that are random, turn frames, or depend on time."""
 _LIKE_PYTHON = ("sqrt", "exp", "log2", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
-OPERATIONS: Mapping[str, Callable[..., float]] = {
-    "pi": lambda: math.pi,
-    "sum": lambda *a: sum(a),
-    "product": lambda *a: math.prod(a),
-    "difference": lambda a, *b: a - sum(b),
-    "min": lambda *a: min(a),
-    "max": lambda *a: max(a),
-    "avg": lambda *a: sum(a) / len(a),
-    "quotient": operator.truediv,
+OF_ONE_OR_TWO: Mapping[str, Callable[..., float]] = {
+    "quotient": float.__truediv__,
+    "mod": float.__mod__,
     "pow": math.pow,
-    "mod": operator.mod,
     "fmod": math.fmod,
     "atan2": math.atan2,
     "nq": operator.ne,
@@ -35,22 +46,13 @@ OPERATIONS: Mapping[str, Callable[..., float]] = {
     "gt": operator.gt,
     "ge": operator.ge,
     "eq": operator.eq,
-    "and": lambda *a: all(a),
-    "or": lambda *a: any(a),
     "not": operator.not_,
-    "ifthen": lambda condition, a, b: a if condition else b,
-    "switch": lambda number, *a: a[round(number)],
-    "interpolate1d": lambda a, *pairs: np.interp(a, pairs[::2], pairs[1::2]),
     "ln": math.log,
-    "abs": abs,
-    "integer": math.trunc,
-    "fraction": lambda a: math.modf(a)[0],
-    "sign": lambda a: -1.0 if a < 0.0 else 1.0,
+    "abs": math.fabs,
     "toradians": math.radians,
     "todegrees": math.degrees,
     **{name: getattr(math, name) for name in _LIKE_PYTHON},
 }
-"""Operations of their operands; left out are those that are random, turn frames, or depend on time."""
 ABOUT = ("description", "documentation")
 """Elements of a function that say something about it."""
 
@@ -116,14 +118,16 @@ class Functions:
     def _operation(self, name: str, element: Element, state: Mapping[str, float]) -> float:
         arguments = [self._operand(child, state) for child in element if child.tag not in ABOUT]
         place, values = self.section.place(element), ", ".join(f"{argument:g}" for argument in arguments)
-        if name not in OPERATIONS:
-            raise NotEvaluated(f"<{name}> at {place} is no operation that is read")
         try:
-            return float(OPERATIONS[name](*arguments))
+            if name in OF_ANY:
+                return float(OF_ANY[name](arguments))
+            if name in OF_ONE_OR_TWO:
+                return float(OF_ONE_OR_TWO[name](*arguments))
         except TypeError:
             self.section.refuse(element, f"has another number of operands than {len(arguments)}")
         except (ArithmeticError, ValueError, IndexError):
             raise NotEvaluated(f"<{name}> at {place} has no value at {values}") from None
+        raise NotEvaluated(f"<{name}> at {place} is no operation that is read")
 
     def _looked_up(self, element: Element, state: Mapping[str, float]) -> float:
         variables = {child.get("lookup", "row"): (child.text or "").strip() for child in element.iter("independentVar")}
