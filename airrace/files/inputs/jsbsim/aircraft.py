@@ -173,6 +173,12 @@ def _with_roll_limits(aircraft: Aircraft, template: Aircraft) -> Aircraft:
     return dataclasses.replace(aircraft, point_mass=point_mass)
 
 
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Return slope and value at 0 of the line through points."""
+    line: Array = np.polyfit(x, y, 1)
+    return float(line[0]), float(line[1])
+
+
 class _Derivation:
     """Coefficients and derivatives of one aircraft at one speed (m/s)."""
 
@@ -195,7 +201,7 @@ class _Derivation:
         return attached, linear if len(linear) > 2 else attached
 
     def lift(self, attached: Indices, linear: Indices) -> tuple[Lift, Table]:
-        C_Lalpha, C_L0 = np.polyfit(SWEEP[linear], self.sweep[C_L, linear], 1).tolist()
+        C_Lalpha, C_L0 = _line(SWEEP[linear], self.sweep[C_L, linear])
         C_L_max, C_L_min = self.sweep[C_L, attached[[-1, 0]]].tolist()
         first, last = max(0, int(attached[0]) - BEYOND), min(len(SWEEP) - 1, int(attached[-1]) + BEYOND)
         knots = np.unique(np.linspace(first, last, KNOTS).round().astype(int))
@@ -222,14 +228,14 @@ class _Derivation:
         return Drag(float(drag[vertex]), k, float(lift[vertex]), C_Dbeta2, beta_max), table
 
     def pitch(self, linear: Indices) -> PitchMoment:
-        C_malpha, C_m0 = np.polyfit(SWEEP[linear], self.sweep[C_m, linear], 1).tolist()
+        C_malpha, C_m0 = _line(SWEEP[linear], self.sweep[C_m, linear])
         return PitchMoment(C_m0, C_malpha, *(float(self.by[name][C_m]) for name in ("q", "alphadot", "eta")))
 
     def lateral(self, linear: Indices) -> dict[str, SideForce | RollMoment | YawMoment]:
         places = linear[:: max(1, len(linear) // 8)]
         lift, alphas = self.sweep[C_L, places], SWEEP[places].tolist()
-        C_lr_per_C_L, C_lr = np.polyfit(lift, [self._derivatives("r", alpha)[C_l] for alpha in alphas], 1).tolist()
-        C_np_per_C_L, C_np = np.polyfit(lift, [self._derivatives("p", alpha)[C_n] for alpha in alphas], 1).tolist()
+        C_lr_per_C_L, C_lr = _line(lift, np.array([self._derivatives("r", alpha)[C_l] for alpha in alphas]))
+        C_np_per_C_L, C_np = _line(lift, np.array([self._derivatives("p", alpha)[C_n] for alpha in alphas]))
         # a positive deflection makes a negative moment about its own axis
         xi, zeta = -np.sign(self.by["xi"][C_l]) * self.by["xi"], -np.sign(self.by["zeta"][C_n]) * self.by["zeta"]
         causes = np.array([self.by["beta"], self.by["p"], self.by["r"], xi, zeta]).T
