@@ -17,7 +17,7 @@ from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, i
 from airrace.optimal_control.quantities import Interval, T, Vector, quantity, vector
 from airrace.optimal_control.solve_problem import solve
 from airrace.optimal_control.system import system_of
-from airrace.runtime.extensions import extension_versions, load_extensions
+from airrace.runtime.extensions import extension_versions, installed_aircraft, load_extensions
 from airrace.runtime.process import available_cores
 
 USES = {
@@ -108,11 +108,13 @@ def solve_known_problem() -> str:
 def _packages() -> Iterator[Component]:
     """Yield airrace and all that it needs, also what only some commands do."""
     yield Component("airrace", version("airrace"))
+    names: set[str] = set()
     for text in requires("airrace") or ():
         match = _REQUIREMENT.match(text)
         extra = match and match["extra"]
-        if match is None or (extra and extra not in USES):
+        if match is None or (extra and extra not in USES) or match["name"] in names:
             continue
+        names.add(match["name"])
         try:
             yield Component(match["name"], version(match["name"]), USES[extra] if extra else "")
         except PackageNotFoundError:
@@ -132,7 +134,7 @@ def _try(name: str, find: Callable[[], str], needed_for: str = "") -> Component:
 
 def _extensions() -> str:
     load_extensions()
-    return ", ".join(extension_versions()) or "none"
+    return ", ".join((*extension_versions(), *(f"aircraft {name}" for name in installed_aircraft()))) or "none"
 
 
 def _writable(folder: Path) -> str:

@@ -42,7 +42,7 @@ def at(label: str = "", /, **ranges: Range) -> Boundary:
     """Return conditions on states, or on outputs of states alone: `at(x=0.0, v=(None, 5.0))`.
 
     Args:
-        label: for messages.
+        label: for messages; by default the start, or the end of the phase.
         ranges: by name: a value; a range, of which an end may be None; or an `Interval`.
     """
     return Boundary(label, {name: _interval(value) for name, value in ranges.items()})
@@ -103,9 +103,10 @@ def define_problem(
         cost = None if end_cost is None else definition.carried_cost(end_cost, len(phases))
         expressions = {output.name: equation(definition.x, definition.u) for output, equation in outputs.items()}
         boundaries = [start, *(phase.end for phase in phases)]
+        places = ["the start", *(f"the end of {phase.name}" for phase in phases)]
         bounded = [
-            definition.boundary(number, boundary, list(outputs), expressions)
-            for number, boundary in enumerate(boundaries)
+            definition.boundary(number, replace(boundary, name=boundary.name or place), list(outputs), expressions)
+            for number, (boundary, place) in enumerate(zip(boundaries, places, strict=True))
         ]
         if time_cost is None:
             time_cost = 1.0 if integral_cost is None and end_cost is None else 0.0

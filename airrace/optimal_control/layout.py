@@ -395,7 +395,7 @@ class Layout:
         within = constraint - int(self._constraint_offset[stage])
         gaps = self.n_x + 1 if stage < self.intervals else 0
         if within < gaps:
-            return f"{phase.name}: continuity of the flight"
+            return f"{phase.name}: continuity"
         row = self.rows.row(int(np.searchsorted(self.rows.node, stage)) + within - gaps)
         place = phase.name if row.source < 0 else self.output_samples[row.source].name
         return f"{place}: {row.quantity.text or row.quantity.name}"

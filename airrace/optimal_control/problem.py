@@ -317,6 +317,8 @@ def require_valid(problem: Problem) -> None:
     """
     if not problem.phases:
         raise ValueError("the problem has no phases")
+    if type(problem.scheme) is not RungeKutta:
+        raise ValueError(f"the scheme is {problem.scheme!r}; give DORMAND_PRINCE_5, VERNER_7 or RK4")
     system = problem.system
     counts = Counter(quantity.name for quantity in (*system.states, *system.controls, *system.path))
     if twice := [name for name, count in counts.items() if count > 1]:

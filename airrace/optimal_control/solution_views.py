@@ -75,7 +75,7 @@ def attributes(solution: "Solution") -> dict[str, Any]:  # Any: texts and number
         "system": solution.problem.system.name,
         "objective": solution.objective,
         "verdict": solution.verdict,
-        "certified": str(solution.certified).lower(),
+        "certified": int(solution.certified),  # netCDF has no truth values, and a text is always true
         "solver": solution.solver,
         "scheme": solution.problem.scheme.name,
         "iterations": solution.iterations,

@@ -285,7 +285,8 @@ class ComparedAircraft:
             ("sustained turn", "g", 1.0, figures.turn, predictions.turn),
         ):
             published_value = math.nan if published is None else published / factor
-            yield [name, unit, published_value, computed / factor, 100.0 * (computed / factor / published_value - 1.0)]
+            computed = (computed or math.nan) / factor  # of a top speed or a turn 0 is none
+            yield [name, unit, published_value, computed, 100.0 * (computed / published_value - 1.0)]
 
 
 def compare_with_manual(

@@ -77,19 +77,19 @@ class Catalogue:
 
 
 def catalogue() -> Catalogue:
-    """Read the shipped courses and aircraft, in alphabetical order of their names."""
+    """Read the shipped courses and aircraft, and aircraft of installed packages, each by name."""
     return Catalogue(tuple(map(_track, TRACKS.names)), tuple(map(_aircraft, AIRCRAFT.names)), preset_names())
 
 
 def _track(name: str) -> ShippedTrack:
-    inputs = load_inputs(TRACKS.path / f"{name}{SUFFIX}")  # not a file of that name in the current folder
+    inputs = load_inputs(TRACKS.named(name))  # not a file of that name in the current folder
     course = inputs.race.course
     laps = max(passage.lap for passage in course.passages)
     return ShippedTrack(name, course.name, len(course.passages), laps, Path(inputs.aircraft.path).stem)
 
 
 def _aircraft(name: str) -> ShippedAircraft:
-    aircraft = read_aircraft_file(AIRCRAFT.path / f"{name}{SUFFIX}").aircraft
+    aircraft = read_aircraft_file(AIRCRAFT.named(name)).aircraft
     return ShippedAircraft(name, aircraft.name, aircraft.airframe.m)
 
 

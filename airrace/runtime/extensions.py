@@ -73,11 +73,16 @@ def extension_versions() -> dict[str, str]:
     """
     versions = {path.name: _digits(path) for path in extensions() if path.is_file()}
     for point in installed_extensions():
-        spec = importlib.util.find_spec(point.module)
-        if spec is not None and spec.origin is not None and point.dist is not None:
-            digits = _digits(Path(spec.origin))
-            versions[f"{point.dist.name}:{point.module}"] = f"{point.dist.version}, {digits}"
+        if (path := _module_file(point)).is_file() and point.dist is not None:
+            versions[f"{point.dist.name}:{point.module}"] = f"{point.dist.version}, {_digits(path)}"
     return versions
+
+
+def _module_file(point: EntryPoint) -> Path:
+    """Return the file of a module; the current folder where there is none."""
+    with named_errors(_origin(point), Path()):
+        spec = importlib.util.find_spec(point.module)
+    return Path() if spec is None or spec.origin is None else Path(spec.origin)
 
 
 def _digits(path: Path) -> str:
@@ -93,7 +98,7 @@ def load_extensions() -> None:
     for path in extensions():
         _load_once(path, f"{VARIABLE} names {path}", path, functools.partial(_run, path))
     for point in installed_extensions():
-        _load_once(point, _origin(point), Path(), point.load)
+        _load_once(point, _origin(point), _module_file(point), point.load)
 
 
 def _load_once(key: Path | EntryPoint, origin: str, path: Path, load: Callable[[], object]) -> None:

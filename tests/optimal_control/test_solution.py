@@ -177,6 +177,14 @@ def test_a_dataset_has_everything_by_name_with_units_and_signs() -> None:
     assert data["costate_x"].attrs["units"] == "1/(m)"
     assert "grows" in data["costate_x"].attrs["sign"]
     assert data.attrs["verdict"] == solution.verdict
+    assert data.attrs["certified"] == solution.certified
+
+
+def test_the_certificate_says_where_on_the_flight_a_boundary_is() -> None:
+    certificate = solve(two_seconds()).certificate
+    assert certificate is not None
+    places = {item.name: item.where for item in certificate.items}
+    assert places["gate_m"].split(", ")[0] in ("the start", "the end of first", "the end of second")
 
 
 def test_a_dataset_takes_states_with_the_names_of_its_own() -> None:

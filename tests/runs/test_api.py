@@ -229,6 +229,7 @@ def test_a_data_frame_says_what_it_is_as_a_dataset_does(run: Run) -> None:
     attributes = view.to_dataframe().attrs
     assert attributes == view.to_xarray().attrs
     assert attributes["stage"] == "point-mass"
+    assert attributes["certified"] == view.certified
 
 
 def test_all_names_of_the_package_lead_somewhere() -> None:

@@ -50,6 +50,17 @@ def test_a_file_that_is_written_is_compared_with_its_own_figures(folder: Path) -
     assert airrace("aircraft", "mine.yaml").code == 3
 
 
+def test_an_aircraft_that_cannot_fly_level_has_no_top_speed(folder: Path) -> None:
+    estimate_aircraft("mine", from_="edge540", mass="700kg")
+    text = (folder / "mine.yaml").read_text(encoding="utf-8")
+    (folder / "weak.yaml").write_text(re.sub(r"(  power_kW: )\S+", r"\g<1>20", text), encoding="utf-8")
+    computed = {row["figure"]: row["computed"] for row in estimate_aircraft("weak.yaml").table.objects()}
+    assert computed["top speed"] is None
+    assert computed["sustained turn"] is None
+    assert isinstance(climb := computed["rate of climb"], float)
+    assert climb < 0.0
+
+
 def test_a_name_of_any_signs_stays_a_name(folder: Path) -> None:
     name = 'Jim\'s "Extra": #1 \\ ü'
     made = estimate_aircraft(name, from_="edge540", output="mine.yaml", stall="58kt")

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from airrace.cli.installation import examine
 from airrace.errors import UsageError
 from airrace.files.inputs.document import AIRCRAFT
+from airrace.runs.courses import catalogue
 from airrace.runtime.extensions import (
     extension_versions,
     installed_aircraft,
@@ -58,7 +60,7 @@ def test_version_has_that_of_the_package_and_the_digits_of_the_module(install: I
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a = 1\n1 / 0\n", "ZeroDivisionError: division by zero"),
+        ("a = 1\n1 / 0\n", " = failing, which fails in line 2: ZeroDivisionError: division by zero"),
         ("raise SystemExit\n", "it ends the program, which an extension must not do"),
         ("import no_such_module\n", "ModuleNotFoundError: No module named 'no_such_module'"),
     ],
@@ -80,6 +82,15 @@ def test_aircraft_of_a_package_is_found_by_its_name_behind_the_shipped_ones(inst
     assert AIRCRAFT.label(Path("my_extra")) == Path("my_extra")
     assert AIRCRAFT.names[-1] == "my_extra"
     assert AIRCRAFT.file(Path("edge540")).parent == AIRCRAFT.path
+
+
+def test_aircraft_of_a_package_is_listed_with_the_shipped_ones(install: Install, tmp_path: Path) -> None:
+    install("hangar", "", "airrace.aircraft", "my_extra")
+    text = AIRCRAFT.named("edge540").read_text(encoding="utf-8")
+    (tmp_path / "my_extra.yaml").write_text(text, encoding="utf-8")
+    masses = {aircraft.name: aircraft.mass for aircraft in catalogue().aircraft}
+    assert masses["my_extra"] == masses["edge540"]
+    assert "aircraft my_extra" in next(item.found for item in examine() if item.name == "extensions")
 
 
 def test_aircraft_without_a_file_is_refused(install: Install) -> None:

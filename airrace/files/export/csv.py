@@ -33,7 +33,7 @@ class FlightOrigin:
     stamp: Stamp
     version: str
 
-    def attributes(self, result: StageResult) -> dict[str, Any]:  # Any: texts and a number
+    def attributes(self, result: StageResult) -> dict[str, Any]:  # Any: texts and numbers
         """Return what the flight of a stage is, for the head of a dataset or a data frame."""
         return {
             "track": self.track,
@@ -41,7 +41,7 @@ class FlightOrigin:
             "stage": result.stage.value,
             "race_time_s": result.trajectory.race_time if result.is_flight else float("nan"),
             "status": result.status.value,
-            "certified": str(result.certified).lower(),
+            "certified": int(result.certified),  # netCDF has no truth values, and a text is always true
             **self.stamp.properties(),
             "airrace_version": self.version,
         }

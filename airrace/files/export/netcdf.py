@@ -100,7 +100,8 @@ def _texts(
     width = max(1, *map(len, encoded))
     file.createDimension(f"{name}_length", width)
     variable = file.createVariable(name, "c", (dimension, f"{name}_length"))
-    variable[:] = np.array([list(text.ljust(width).decode("latin-1")) for text in encoded], "S1")
+    variable[:] = np.array(encoded, f"S{width}").view("S1").reshape(len(encoded), width)
+    variable._Encoding = "ascii"  # by which xarray makes texts of the characters
     for key, value in about.items():
         setattr(variable, key, _text(value))
 

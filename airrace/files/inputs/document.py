@@ -108,12 +108,12 @@ class Collection:
                 return candidate
         if not self.has(name):
             return path
-        return self._shipped(name)
+        return self.named(name.name)
 
-    def _shipped(self, name: Path) -> Path:
-        """Return the file of a document that has this name, shipped or of an installed package."""
-        shipped = self.path / f"{name.name}{SUFFIX}"
-        return shipped if name.name in _names(self.path) else self._installed.get(name.name, shipped)
+    def named(self, name: str) -> Path:
+        """Return the file of a document of this name, shipped or of an installed package, never one elsewhere."""
+        shipped = self.path / f"{name}{SUFFIX}"
+        return shipped if name in _names(self.path) else self._installed.get(name, shipped)
 
     def has(self, name: Path) -> bool:
         """Return whether a path is the bare name of a shipped document."""
@@ -132,7 +132,7 @@ class Collection:
     def label(self, name: Path, beside: Path = Path()) -> Path:
         """Return the name of a shipped document, and the path of any other file."""
         file = self.file(name, beside)
-        return name if self.has(name) and file == self._shipped(name) else file
+        return name if self.has(name) and file == self.named(name.name) else file
 
     def finds(self, name: Path, beside: Path = Path()) -> bool:
         """Return whether there is such a file."""

@@ -50,32 +50,34 @@ def parse_xml(
 ) -> Element | None:
     """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML.
 
-    Every element is taken as it ends, with its last line. Where only elements of some names are to be read (`only`)
+    Every element is taken as it ends, with its first line. Where only elements of some names are to be read (`only`)
     with what they hold, all others are taken empty and there is no root, so the rest of the document needs no memory.
     """
     encoding = None
     if (declared := _DECLARED.match(content)) and (codec := _codec(declared[1].decode())) in _MULTIBYTE:
         content, encoding = content.decode(codec, "replace").encode(), "utf-8"
     builder, parser = TreeBuilder(), expat.ParserCreate(encoding, namespace_separator=" ")
-    depth, inside = 0, 0  # of all elements, and of those that are read
+    lines: list[int] = []  # the first ones of the elements that have begun
+    inside = 0  # how many of them are read
 
     def begin(name: str, attributes: Mapping[str, str]) -> None:
-        nonlocal depth, inside
-        tag, depth = name.rpartition(" ")[2], depth + 1
-        if depth > DEPTH_MAX:
+        nonlocal inside
+        tag = name.rpartition(" ")[2]
+        lines.append(parser.CurrentLineNumber)
+        if len(lines) > DEPTH_MAX:
             refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {DEPTH_MAX} deep")
         if inside or not only or tag in only:
             inside += 1
             builder.start(tag, dict(attributes))
 
     def end(name: str) -> None:
-        nonlocal builder, depth, inside
-        tag, depth = name.rpartition(" ")[2], depth - 1
+        nonlocal builder, inside
+        tag, line = name.rpartition(" ")[2], lines.pop()
         if not inside:
-            take(Element(tag), parser.CurrentLineNumber)
+            take(Element(tag), line)
             return
         inside -= 1
-        take(builder.end(tag), parser.CurrentLineNumber)
+        take(builder.end(tag), line)
         if only and not inside:
             builder = TreeBuilder()
 

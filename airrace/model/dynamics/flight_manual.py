@@ -99,7 +99,7 @@ def sustained_load_factor(aircraft: Aircraft) -> float:
         if pull >= _drag(numbers, V, most):
             return most
         if pull <= _drag(numbers, V, least):
-            return least
+            return 0.0  # no turn holds this speed
         return bisect(lambda n_z: pull - _drag(numbers, V, n_z), least, most)
 
     best = load_factor(_maximum(load_factor, stall_speed(aircraft), FASTEST))

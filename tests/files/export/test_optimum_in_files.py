@@ -68,8 +68,7 @@ def test_hdf5_mat_and_netcdf_hold_the_same() -> None:
         if variable.values.dtype.kind == "U":
             assert stored.asstr()[:].tolist() == variable.values.tolist()
             assert mat["optimum"][variable.name].tolist() == variable.values.tolist()
-            texts = [text.decode().rstrip() for text in netcdf[variable.name].values]
-            assert texts == variable.values.tolist()
+            assert netcdf[variable.name].values.tolist() == variable.values.tolist()
             continue
         np.testing.assert_array_equal(stored[:], variable.values)
         np.testing.assert_array_equal(mat["optimum"][variable.name], variable.values)

@@ -91,10 +91,14 @@ def test_lighter_and_stronger_aircraft_climb_and_turn_better(edge540: Aircraft, 
         assert sustained_load_factor(better) > sustained_load_factor(one)
 
 
-def test_the_tightest_turn_is_held_by_the_thrust_and_no_speed_holds_a_tighter_one(edge540: Aircraft) -> None:
-    n = sustained_load_factor(edge540)
+@pytest.mark.parametrize("C_L_minD", [0.0, 0.2])  # with 0.2 drag is least above 1 g where the aircraft is fast
+def test_the_tightest_turn_is_held_by_the_thrust_and_no_speed_holds_a_tighter_one(
+    edge540: Aircraft, C_L_minD: float
+) -> None:
+    aircraft = changed(edge540, "drag", C_L_minD=C_L_minD)
+    n = sustained_load_factor(aircraft)
     excess = [
-        full_thrust(aircraft_parameters(edge540), V) - drag(edge540, V, n)
+        full_thrust(aircraft_parameters(aircraft), V) - drag(aircraft, V, n)
         for V in (30.0 + 0.05 * step for step in range(2000))
     ]
     assert max(excess) == pytest.approx(0.0, abs=0.1)

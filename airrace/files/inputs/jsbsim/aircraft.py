@@ -29,7 +29,7 @@ from airrace.model.aircraft import (
     SideForce,
     YawMoment,
 )
-from airrace.model.dynamics.flight_manual import Relations
+from airrace.model.dynamics.flight_manual import Relations, stall_speed
 from airrace.model.environment import RHO_ISA, g0
 from airrace.model.splines import Table
 from airrace.optimal_control.quantities import Interval
@@ -95,9 +95,11 @@ def read_jsbsim_aircraft(path: Path, template: Aircraft) -> JsbsimAircraft:
         document.refuse(root, "has no lift that grows with the angle of attack")
     engines, no_engine = read_engines(document)
     lift, lift_table = derivation.lift(attached, linear)
+    of_template = {"beta_A_max"}
     for name, edge, place in (("C_L_max", len(SWEEP) - 1, -1), ("C_L_min", 0, 0)):
         if attached[place] == edge:
             lift = dataclasses.replace(lift, **{name: getattr(template.lift, name)})
+            of_template.add(name)
             remarks.append(f"{name}: no stall within {math.degrees(SWEEP[edge]):.0f} deg; it is the template's")
     drag, drag_table = derivation.drag(attached, template.drag.beta_A_max)
     propulsion, thrust = template.propulsion, template.tables and template.tables.thrust
@@ -128,7 +130,7 @@ def read_jsbsim_aircraft(path: Path, template: Aircraft) -> JsbsimAircraft:
     relations: dict[tuple[str, str], str] = {}
     for group in GROUPS:
         numbers: object = getattr(aircraft, group)
-        relations |= {(group, name): SET for name in vars(numbers) if name != "beta_A_max"}
+        relations |= {(group, name): SET for name in vars(numbers) if name not in of_template}
     relations |= {("surfaces", f"{name.removeprefix('left-')}_travel_deg"): SET for name in SURFACES.values()}
     relations |= {("propulsion", name): SET for name in ("P_max", "eta_p", "T_static") if engines}
     relations |= {("point_mass", name): "full ailerons at V_A, at most the template's" for name in ("p", "p_dot")}
@@ -163,13 +165,18 @@ def _fitted_propulsion(engines: Sequence[PropellerEngine], table: Table, templat
 def _with_roll_limits(aircraft: Aircraft, template: Aircraft) -> Aircraft:
     """Return an aircraft that rolls as fast as its ailerons make it at V_A, but no faster than the template may."""
     airframe, roll, limits = aircraft.airframe, aircraft.roll, template.point_mass
-    load = 2.0 * airframe.m * g0 / (RHO_ISA * airframe.S * aircraft.lift.C_L_max)
-    V = min(math.sqrt(template.envelope.n_z.upper * load), template.envelope.V.upper)
+    V = min(stall_speed(aircraft) * math.sqrt(template.envelope.n_z.upper), template.envelope.V.upper)
     C_l = abs(roll.C_lxi) * aircraft.surfaces.xi.upper
     p = C_l / max(-roll.C_lp, 1e-9) * 2.0 * V / airframe.b
     p_dot = 0.5 * RHO_ISA * V**2 * airframe.S * airframe.b * C_l / airframe.I_x
     point_mass = dataclasses.replace(limits, p=min(p, limits.p), p_dot=min(p_dot, limits.p_dot))
     return dataclasses.replace(aircraft, point_mass=point_mass)
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Return slope and value at 0 of the line through points."""
+    line: Array = np.polyfit(x, y, 1)
+    return float(line[0]), float(line[1])
 
 
 class _Derivation:
@@ -194,7 +201,7 @@ class _Derivation:
         return attached, linear if len(linear) > 2 else attached
 
     def lift(self, attached: Indices, linear: Indices) -> tuple[Lift, Table]:
-        C_Lalpha, C_L0 = np.polyfit(SWEEP[linear], self.sweep[C_L, linear], 1).tolist()
+        C_Lalpha, C_L0 = _line(SWEEP[linear], self.sweep[C_L, linear])
         C_L_max, C_L_min = self.sweep[C_L, attached[[-1, 0]]].tolist()
         first, last = max(0, int(attached[0]) - BEYOND), min(len(SWEEP) - 1, int(attached[-1]) + BEYOND)
         knots = np.unique(np.linspace(first, last, KNOTS).round().astype(int))
@@ -221,14 +228,14 @@ class _Derivation:
         return Drag(float(drag[vertex]), k, float(lift[vertex]), C_Dbeta2, beta_max), table
 
     def pitch(self, linear: Indices) -> PitchMoment:
-        C_malpha, C_m0 = np.polyfit(SWEEP[linear], self.sweep[C_m, linear], 1).tolist()
+        C_malpha, C_m0 = _line(SWEEP[linear], self.sweep[C_m, linear])
         return PitchMoment(C_m0, C_malpha, *(float(self.by[name][C_m]) for name in ("q", "alphadot", "eta")))
 
     def lateral(self, linear: Indices) -> dict[str, SideForce | RollMoment | YawMoment]:
         places = linear[:: max(1, len(linear) // 8)]
         lift, alphas = self.sweep[C_L, places], SWEEP[places].tolist()
-        C_lr_per_C_L, C_lr = np.polyfit(lift, [self._derivatives("r", alpha)[C_l] for alpha in alphas], 1).tolist()
-        C_np_per_C_L, C_np = np.polyfit(lift, [self._derivatives("p", alpha)[C_n] for alpha in alphas], 1).tolist()
+        C_lr_per_C_L, C_lr = _line(lift, np.array([self._derivatives("r", alpha)[C_l] for alpha in alphas]))
+        C_np_per_C_L, C_np = _line(lift, np.array([self._derivatives("p", alpha)[C_n] for alpha in alphas]))
         # a positive deflection makes a negative moment about its own axis
         xi, zeta = -np.sign(self.by["xi"][C_l]) * self.by["xi"], -np.sign(self.by["zeta"][C_n]) * self.by["zeta"]
         causes = np.array([self.by["beta"], self.by["p"], self.by["r"], xi, zeta]).T

@@ -35,7 +35,7 @@ SIZE_MAX = 20_000_000
 
 @dataclass(frozen=True, eq=False)
 class JsbsimDocument:
-    """A file: its path, its root, and the last line of every element by its identity."""
+    """A file: its path, its root, and the first line of every element by its identity."""
 
     path: Path
     root: Element
@@ -50,7 +50,7 @@ class JsbsimDocument:
         refuse(str(self.path), self.lines.get(id(element), 0), message, element.tag)
 
     def place(self, element: Element) -> str:
-        """The file's name and the line of an element's end, for remarks."""
+        """The file's name and the line of an element, for remarks."""
         return f"{self.path.name}:{self.lines[id(element)]}"
 
     def section(self, name: str) -> "JsbsimDocument":

@@ -6,15 +6,17 @@ function is a property of its own name. A property that has no value counts as 0
 
 import math
 import operator
-from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from airrace.files.inputs.jsbsim.document import JsbsimDocument
 
 OF_ANY: Mapping[str, Callable[[Sequence[float]], float]] = {
+    "pi": lambda a: math.pi,
     "sum": sum,
     "product": math.prod,
     "difference": lambda a: a[0] - sum(a[1:]),
@@ -25,14 +27,17 @@ OF_ANY: Mapping[str, Callable[[Sequence[float]], float]] = {
     "or": any,
     "ifthen": lambda a: a[1] if a[0] else a[2],
     "switch": lambda a: a[1:][round(a[0])],
-    "interpolate1d": lambda a: interpolated(a[0], a[1::2], a[2::2]),
-    "pi": lambda a: math.pi,
+    "interpolate1d": lambda a: float(np.interp(a[0], a[1::2], a[2::2])),
+    "sign": lambda a: -1.0 if a[0] < 0.0 else 1.0,
+    "integer": lambda a: math.trunc(a[0]),
+    "fraction": lambda a: math.modf(a[0])[0],
 }
 """Operations of any number of operands; left out are those that are random, turn frames, or depend on time."""
-OF_TWO: Mapping[str, Callable[[float, float], float]] = {
-    "quotient": lambda a, b: a / b,
+_LIKE_PYTHON = ("sqrt", "exp", "log2", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
+OF_ONE_OR_TWO: Mapping[str, Callable[..., float]] = {
+    "quotient": float.__truediv__,
+    "mod": float.__mod__,
     "pow": math.pow,
-    "mod": lambda a, b: a % b,
     "fmod": math.fmod,
     "atan2": math.atan2,
     "nq": operator.ne,
@@ -41,15 +46,9 @@ OF_TWO: Mapping[str, Callable[[float, float], float]] = {
     "gt": operator.gt,
     "ge": operator.ge,
     "eq": operator.eq,
-}
-_LIKE_PYTHON = ("sqrt", "exp", "log2", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
-OF_ONE: Mapping[str, Callable[[float], float]] = {
-    "ln": math.log,
-    "abs": abs,
     "not": operator.not_,
-    "integer": math.trunc,
-    "fraction": lambda a: math.modf(a)[0],
-    "sign": lambda a: -1.0 if a < 0.0 else 1.0,
+    "ln": math.log,
+    "abs": math.fabs,
     "toradians": math.radians,
     "todegrees": math.degrees,
     **{name: getattr(math, name) for name in _LIKE_PYTHON},
@@ -122,12 +121,10 @@ class Functions:
         try:
             if name in OF_ANY:
                 return float(OF_ANY[name](arguments))
-            if name in OF_TWO:
-                return float(OF_TWO[name](*arguments))
-            if name in OF_ONE:
-                return float(OF_ONE[name](*arguments))
+            if name in OF_ONE_OR_TWO:
+                return float(OF_ONE_OR_TWO[name](*arguments))
         except TypeError:
-            self.section.refuse(element, f"takes {2 if name in OF_TWO else 1} operands; holds {len(arguments)}")
+            self.section.refuse(element, f"has another number of operands than {len(arguments)}")
         except (ArithmeticError, ValueError, IndexError):
             raise NotEvaluated(f"<{name}> at {place} has no value at {values}") from None
         raise NotEvaluated(f"<{name}> at {place} is no operation that is read")
@@ -159,7 +156,7 @@ class JsbsimTable:
         """Return the value at as many places as there are variables: row, column, sheet."""
         *inner, last = places
         values = [value(*inner) if isinstance(value, JsbsimTable) else value for value in self.values]
-        return interpolated(last, self.knots, values)
+        return float(np.interp(last, self.knots, values))
 
 
 def read_table(document: JsbsimDocument, element: Element, variables: int) -> JsbsimTable:
@@ -193,12 +190,3 @@ def _increasing(document: JsbsimDocument, element: Element, knots: Sequence[floa
     if any(later <= earlier for earlier, later in pairwise(knots)):
         document.refuse(element, "must have knots that increase from each to the next")
     return knots
-
-
-def interpolated(x: float, knots: Sequence[float], values: Sequence[float]) -> float:
-    """Return the linear interpolation at `x`, the end values beyond the knots."""
-    if x <= knots[0] or x >= knots[-1]:
-        return values[0 if x <= knots[0] else -1]
-    upper = bisect_right(knots, x)
-    share = (x - knots[upper - 1]) / (knots[upper] - knots[upper - 1])
-    return values[upper - 1] + share * (values[upper] - values[upper - 1])

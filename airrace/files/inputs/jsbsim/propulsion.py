@@ -10,18 +10,17 @@ propeller at its highest speed. JSBSim's own piston engine, of which it models m
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from airrace.files.inputs.jsbsim.document import PLAIN, POWER, STRUCTURE, JsbsimDocument
 from airrace.files.inputs.jsbsim.functions import JsbsimTable, read_table
 from airrace.model.dynamics.aerodynamics import power_ratio
+from airrace.model.dynamics.flight_manual import bisect
 from airrace.model.environment import KAPPA, P_ISA, RHO_ISA
 from airrace.model.splines import Table
 
 SPEED_OF_SOUND = math.sqrt(KAPPA * P_ISA / RHO_ISA)
 """At sea level, m/s."""
-BISECTIONS = 60
 POWER_NAMES = {"piston_engine": "maxhp", "electric_engine": "power"}
 
 
@@ -54,9 +53,11 @@ class PropellerEngine:
         low, high = self.pitches
         n, pitch = self.n_max, low
         if low == high or self._excess(n, low, V, rho) < 0.0:
-            n = _root(lambda n: self._excess(n, low, V, rho), 0.02 * self.n_max, 2.0 * self.n_max)
+            n = bisect(lambda n: self._excess(n, low, V, rho), 0.02 * self.n_max, 2.0 * self.n_max)
+        elif self._excess(n, high, V, rho) > 0.0:
+            pitch = high
         else:
-            pitch = _root(lambda pitch: self._excess(n, pitch, V, rho), low, high)
+            pitch = bisect(lambda pitch: self._excess(n, pitch, V, rho), low, high)
         return self._coefficient(0, n, pitch, V) * rho * n**2 * self.D**4
 
     def _excess(self, n: float, pitch: float, V: float, rho: float) -> float:
@@ -72,16 +73,6 @@ class PropellerEngine:
         return self.factors[number] * value * (mach(tip) if mach else 1.0)
 
 
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function that begins positive becomes negative; the upper end where it does not."""
-    if function(high) > 0.0:
-        return high
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if function(middle) > 0.0 else (low, middle)
-    return 0.5 * (low + high)
-
-
 def read_engines(document: JsbsimDocument) -> tuple[list[PropellerEngine], str]:
     """Return the engines with propellers of an aircraft; or none, for half of a propulsion is none, and why.
 
@@ -89,7 +80,7 @@ def read_engines(document: JsbsimDocument) -> tuple[list[PropellerEngine], str]:
         InputError: a file or a number is missing.
     """
     section = document if document.root.find("propulsion") is None else document.section("propulsion")
-    folder, engines = section.path.parent, list[PropellerEngine]()
+    folder, engines = section.path.resolve().parent, list[PropellerEngine]()
     for element in section.root.findall("engine"):
         thruster = section.child(element, "thruster")
         folders = [folder / "Engines", folder, folder.parent / "engine", folder.parent.parent / "engine"]

@@ -115,6 +115,15 @@ def test_numbers_are_those_of_the_functions(tmp_path: Path) -> None:
     assert "propulsion, no engine" in remarks
 
 
+def test_lift_without_a_stall_keeps_the_limits_of_the_template_and_says_so(tmp_path: Path) -> None:
+    result = read(tmp_path, document(lift=slope(5.0, "aero/alpha-rad")))
+    for name in ("C_L_max", "C_L_min"):
+        assert getattr(result.aircraft.lift, name) == getattr(TEMPLATE.lift, name)
+        assert ("lift", name) not in result.relations
+        assert any(remark.startswith(f"{name}: no stall") for remark in result.remarks)
+    assert ("lift", "C_Lalpha") in result.relations
+
+
 def test_a_reference_point_behind_the_centre_of_mass_makes_lift_pitch_the_nose_down(tmp_path: Path) -> None:
     behind = 0.15
     pitch, shifted = (read(tmp_path, document(reference)).aircraft.pitch for reference in (0.0, behind))
@@ -165,6 +174,29 @@ def test_what_is_wrong_is_refused_with_its_line(tmp_path: Path, old: str, new: s
     with pytest.raises(InputError, match=message) as refused:
         read(tmp_path, text.replace(old, new))
     assert refused.value.findings[0].line > 0
+
+
+def test_a_missing_part_is_refused_at_the_line_where_its_element_begins(tmp_path: Path) -> None:
+    text = "<!-- mine -->\n" + document().replace("emptywt", "weight")
+    with pytest.raises(InputError) as refused:
+        read(tmp_path, text)
+    begin = next(number for number, line in enumerate(text.splitlines(), 1) if "<mass_balance>" in line)
+    assert refused.value.findings[0].line == begin
+
+
+def test_engines_are_found_from_within_the_aircrafts_own_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangar, engines = tmp_path / "aircraft" / "mine", tmp_path / "engine"
+    hangar.mkdir(parents=True)
+    engines.mkdir()
+    (engines / "jet.xml").write_text("<turbine_engine/>")
+    (engines / "straight.xml").write_text("<direct/>")
+    engine = '<propulsion><engine file="jet"><thruster file="straight"/></engine></propulsion>'
+    (hangar / "mine.xml").write_text(document(engine=engine))
+    monkeypatch.chdir(hangar)
+    remarks = read_jsbsim_aircraft(Path("mine.xml"), TEMPLATE).remarks
+    assert any("turbine_engine with direct" in remark for remark in remarks)
 
 
 def test_a_function_that_depends_on_itself_is_refused(tmp_path: Path) -> None:
