@@ -19,7 +19,7 @@ UNVERIFIABLE = (
     "messages and notes",
     "attempts and timings",
     "conflicts of limits",
-    "routes that were tried",
+    "routes that were tried, and the lower bound of the race time",
     "what intervals were last cut or joined for",
     "tracking error of a start",
 )
