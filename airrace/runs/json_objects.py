@@ -135,8 +135,8 @@ def search_object(explored: SearchReport) -> dict[str, object]:
 def bound_object(bound: LowerBound) -> dict[str, object]:
     """Return how much faster a flight could be, with the windows whose least priced times say so."""
     return {
-        "seconds_s": finite(bound.seconds),
-        "race_time_s": finite(bound.race_time),
+        "on_mesh_s": finite(bound.seconds),
+        "race_time_on_mesh_s": finite(bound.race_time),
         "gap": finite(bound.gap),
         "legs_max": bound.legs_max,
         "starts": bound.starts,

@@ -106,7 +106,7 @@ def test_gap_is_told_stored_and_in_the_object(folder: Path, monkeypatch: pytest.
     assert GAP in " ".join(run("optimize", TRACK).out.split())
     (stage,) = [stage for stage in run("show", "rovinj_2014.h5", "--json").answer["stages"] if stage["search"]]
     bound = stage["search"]["bound"]
-    assert (bound["seconds_s"], bound["race_time_s"], bound["starts"]) == (9.9, 10.0, 17)
+    assert (bound["on_mesh_s"], bound["race_time_on_mesh_s"], bound["starts"]) == (9.9, 10.0, 17)
     assert bound["windows"] == [{"text": "1:g1 -> 1:g4", "legs": 3, "slack_s": 0.1, "solved": 15}]
     assert bound["gap"] == pytest.approx(0.01)
     assert bound["text"].startswith(GAP)
