@@ -1,6 +1,6 @@
 """Count the pictures of films that break a rule of framing, and those that show the other flights.
 
-Every 0.04 s of reports, in the three formats; needs Chromium.
+Every 0.04 s of reports up to the last finish, in the three formats; needs Chromium.
 
     python scripts/measure_framing.py REPORT.html ...
 """
@@ -14,9 +14,10 @@ from airrace.pages.report.browser import SOFTWARE, page_in_browser
 from airrace.pages.report.film import SIZES
 
 PROGRAM = """(() => {
-  const view = airrace.scene.views.get("tv"), [lead, ...others] = airrace.flights, counts = {};
+  const view = airrace.scene.views.get("tv"), counts = {};
   const [width, height] = %s, add = (name) => { counts[name] = (counts[name] ?? 0) + 1; };
-  for (let time = 0; time <= lead.duration; time += 0.04) {
+  for (let time = 0; time <= airrace.film.end; time += 0.04) {
+    const [lead, ...others] = view.directorAt(time).flights;
     const { broken, hidden } = view.framing(width, height, time);
     add("pictures");
     broken.forEach(add);

@@ -151,7 +151,7 @@ def photograph_report(runs: Path) -> None:
 
 
 VIEWS = ((10.0, "orbit"), (27.2, "above"), (27.2, "side"), (7.5, "chase"), (12.0, "cockpit"), (21.0, "tv"))
-FILM = (*((time, "tv") for time in (1.0, 9.0, 18.5, 41.0)), (29.0, "replay 2"), (57.0, "result"))
+FILM = (*((time, "tv") for time in (1.0, 9.0, 18.5, 58.0)), (54.5, "replay 1"), (60.2, "result"))
 """Instants (s) and views of the pictures of a sheet."""
 
 

@@ -49,6 +49,8 @@ PART_SHARE = 0.06
 """The share of all parts of an item, without their signs, from which on a part is reported."""
 PART_MIN = 0.015
 """The least such part, and the least time that one leg passes on to the next, s."""
+COMMON_LEGS_MIN = 3
+"""The least number of legs of which a cause on every leg is told as one."""
 DIFFERENCES_MAX = 3
 """The greatest number of differences that are reported of a cause."""
 TURN_ENDS = math.radians(20.0)
@@ -237,6 +239,27 @@ def leg_losses(comparison: Comparison) -> tuple[Loss, ...]:
             slower = (comparison, leg) if leg.difference >= 0.0 else (reverse, reversed_leg)
             losses.append(_loss(slower[0], [slower[1]]))
     return tuple(losses)
+
+
+def common_causes(comparison: Comparison, other_wind: bool) -> tuple[list[Cause], list[Cause]]:
+    """Return by which causes the reference loses time on every leg that both completed, and by which the other flight.
+
+    They are those that are not of a leg: the aircraft, and the wind where it is `other_wind`. On average they cost what
+    is reported of a leg. None are of fewer than three legs.
+    """
+    lasting = [cause for cause in Cause if cause.by == "builder" or (cause is Cause.ENERGY and other_wind)]
+    known = all("chi" in flight for flight in (comparison.reference, comparison.flight))
+    complete = [leg for leg in comparison.legs if leg.reference.is_complete and leg.flight.is_complete]
+    if not known or len(complete) < COMMON_LEGS_MIN:
+        return [], []
+    parts = [loss_parts(comparison, leg) for leg in complete]
+
+    def costs(cause: Cause, sign: int) -> bool:
+        lost = [sign * causes[cause] for causes in parts]
+        return min(lost) > 0.0 and sum(lost) >= PART_MIN * len(lost)
+
+    reference, other = ([cause for cause in lasting if costs(cause, sign)] for sign in (-1, 1))
+    return reference, other
 
 
 def _loss(comparison: Comparison, legs: Sequence[LegComparison]) -> Loss:

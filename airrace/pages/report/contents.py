@@ -35,7 +35,9 @@ The object, with the format's name first:
       difference      how much later the other flight was there, s, n values
       legs            those that both completed, [{passing, lost, reasons}]: the number of the passing that ends it,
                       what the other flight loses on it (s; negative where the first one does), and why the one loses
-                      that does, the greatest reason first: {cause, lost, facts}, texts in the language of the broadcast
+                      that does: {cause, lost, rank, facts}, texts in the language of the broadcast; first what is
+                      particular of the leg (rank 0), then the aircraft (1), last the speed before the leg (2)
+      common          [{flight, cause}]: what costs the flight of this number time on every leg, in no leg's reasons
 
     broadcast       of films and cards: `decimal`, the sign before decimals; `texts` by their keys, see languages.toml;
                     `subtitle` and `state` of the first flight on a card
@@ -77,13 +79,13 @@ from airrace.flights.results import Flight
 from airrace.flights.results.clearances import with_nearest
 from airrace.flights.results.comparison import SHARES, Comparison
 from airrace.flights.results.flight import BODY_ATTITUDE, Leg, way
-from airrace.flights.results.time_loss import leg_losses
+from airrace.flights.results.time_loss import common_causes, leg_losses
 from airrace.model.track.course import CrowdShape
 from airrace.model.track.element import Element
 from airrace.optimal_control.quantities import DEGREE, KNOT
 from airrace.optimal_control.trajectory import Array
 from airrace.pages.report.film import Language
-from airrace.pages.report.languages import decimal_sign, graphics_texts, reason_texts, stamp_text
+from airrace.pages.report.languages import cause_text, decimal_sign, graphics_texts, reason_texts, stamp_text
 from airrace.pages.views.map_model import MapModel, coordinates
 from airrace.pages.views.tables import RACE, Units
 
@@ -223,7 +225,7 @@ def contents_of(
                 "flight": number,
                 "time": pack(time),
                 "difference": pack(loss),
-                "legs": _legs_lost(comparison, language, units),
+                **_legs_lost(comparison, number, language, units),
             }
             for number, comparison in enumerate(comparisons, start=1)
             for time, loss in [time_lost(comparison)]
@@ -232,19 +234,24 @@ def contents_of(
     }
 
 
-def _legs_lost(comparison: Comparison, language: Language, units: Units) -> list[dict[str, object]]:
-    """Return the legs of a pair of flights: who loses how much on each, and by what."""
+def _legs_lost(comparison: Comparison, number: int, language: Language, units: Units) -> dict[str, object]:
+    """Return the legs of the first flight and that of a number: who loses how much on each, and by what, and on all."""
     numbers = {leg.name: number for number, leg in enumerate(comparison.legs, start=1)}
     differences = {leg.name: leg.difference for leg in comparison.legs}
     other_wind = comparison.reference.air.wind != comparison.flight.air.wind
-    return [
-        {
-            "passing": numbers[loss.end],
-            "lost": differences[loss.end],
-            "reasons": reason_texts(loss, other_wind, language, units),
-        }
-        for loss in leg_losses(comparison)
+    reference_causes, flight_causes = common_causes(comparison, other_wind)
+    legs: list[dict[str, object]] = []
+    for loss in leg_losses(comparison):
+        lost = differences[loss.end]
+        common = flight_causes if lost >= 0.0 else reference_causes
+        reasons = reason_texts(loss, common, other_wind, language, units)
+        legs.append({"passing": numbers[loss.end], "lost": lost, "reasons": reasons})
+    common = [
+        {"flight": loser, "cause": cause_text(cause, other_wind, language)}
+        for loser, causes in ((0, reference_causes), (number, flight_causes))
+        for cause in causes
     ]
+    return {"legs": legs, "common": common}
 
 
 def _envelope(result: "SafetyResult", flight: Flight) -> dict[str, str]:

@@ -261,8 +261,9 @@ def film_of(
     """
     kind = KINDS[suffix.lower()]
     with page_in_browser(page, FILMS, HARDWARE) as browser:
-        duration, sequel = browser.value("[airrace.flights[0].duration, airrace.film.sequel]")
-        instants = [(time, str(settings.view)) for time in settings.times(float(duration))]
+        duration, end, sequel = browser.value("[airrace.flights[0].duration, airrace.film.end, airrace.film.sequel]")
+        filmed = float(end if settings.tells_result else duration)
+        instants = [(time, str(settings.view)) for time in settings.times(filmed)]
         if settings.tells_result:
             for piece in sequel:
                 times = settings.sequel_times(piece["from"], piece["to"], piece["seconds"])

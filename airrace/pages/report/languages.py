@@ -3,11 +3,11 @@
 import functools
 import math
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from airrace.flights.results import Flight
 from airrace.flights.results.stamp import FREEZING
-from airrace.flights.results.time_loss import Cause, Loss
+from airrace.flights.results.time_loss import Cause, Loss, Part
 from airrace.model.environment import atmosphere_parameters, density, temperature
 from airrace.pages.report.film import Language
 from airrace.pages.report.script import FOLDER
@@ -65,21 +65,41 @@ def stamp_text(flight: Flight, language: Language, units: Units) -> str:
     return "; ".join(texts)
 
 
-def reason_texts(loss: Loss, other_wind: bool, language: Language, units: Units) -> list[dict[str, object]]:
-    """Return by what a flight loses its time, the greatest cause first, each with the facts that explain it.
+def cause_text(cause: Cause, other_wind: bool, language: Language) -> str:
+    """Return a cause of a loss; the rest of the energy is also that of the wind where it is `other_wind`."""
+    name = "wind" if other_wind and cause is Cause.ENERGY else cause.value
+    return _texts()["causes"][name][list(Language).index(language)]
 
-    The rest of the energy is also that of the wind where it is `other_wind` than that of the other flight.
+
+def reason_texts(
+    loss: Loss, common: Collection[Cause], other_wind: bool, language: Language, units: Units
+) -> list[dict[str, object]]:
+    """Return by what a flight loses its time on a leg, each with its rank and the facts that explain it.
+
+    What is particular of the leg has the rank 0 and comes first, then the aircraft, and last the speed at its
+    beginning, which earlier legs cost; those of one rank by what they cost.
+
+    Args:
+        loss: on one leg.
+        common: causes that cost the flight time on every leg, which are left out.
+        other_wind: whether the wind is not that of the other flight.
+        language, units: of the texts.
     """
     place, sign = list(Language).index(language), decimal_sign(language)
-    causes, fact_texts = _texts()["causes"], _texts()["facts"]
+    fact_texts = _texts()["facts"]
+    begin = loss.legs[0].reference.before.passage.element.name
     reasons: list[dict[str, object]] = []
-    for part in sorted(loss.parts, key=lambda part: -part.amount):
-        if part.cause is None or part.amount <= 0.0:
+
+    def rank(part: Part) -> int:
+        return 2 if part.cause is Cause.ENTRY else int(part.cause in (Cause.DRAG, Cause.POWER))
+
+    for part in sorted(loss.parts, key=lambda part: (rank(part), -part.amount)):
+        if part.cause is None or part.cause in common or part.amount <= 0.0:
             continue
         values = [(fact.name, difference_value(fact, units).replace(".", sign)) for fact in part.facts[:FACTS_MAX]]
-        facts = [fact_texts[name][place].format(value) for name, value in values]
-        name = "wind" if other_wind and part.cause is Cause.ENERGY else part.cause.value
-        reasons.append({"cause": causes[name][place], "lost": part.amount, "facts": facts})
+        facts = [fact_texts[name][place].format(value, begin) for name, value in values]
+        text = cause_text(part.cause, other_wind, language)
+        reasons.append({"cause": text, "lost": part.amount, "rank": rank(part), "facts": facts})
     return reasons[:REASONS_MAX]
 
 

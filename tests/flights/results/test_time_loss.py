@@ -14,7 +14,7 @@ from example_flights import circling, half_cuban, rovinj, windy
 from airrace.cli.run_tables import comparison_texts
 from airrace.flights.results import Flight
 from airrace.flights.results.comparison import Comparison, compare_flights
-from airrace.flights.results.time_loss import BY, Cause, leg_losses, loss_along, loss_parts, time_loss
+from airrace.flights.results.time_loss import BY, Cause, common_causes, leg_losses, loss_along, loss_parts, time_loss
 from airrace.model.environment import g0
 from airrace.pages.report.flight_page import flight_page
 from airrace.pages.views.comparison_tables import loss_head, loss_text, part_text
@@ -137,6 +137,15 @@ def test_more_drag_and_less_power_are_the_builders_and_change_nothing_of_the_pil
         parts = loss_parts(comparison, leg)
         assert parts[Cause.DRAG] > 1e-3
         assert parts[Cause.DRAG] + parts[Cause.ENERGY] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_aircraft_with_more_drag_costs_time_on_every_leg_whichever_flight_comes_first() -> None:
+    drag = with_(rovinj().aircraft.drag, C_D0=4.0 * rovinj().aircraft.drag.C_D0)
+    draggy = circling(with_(rovinj(), aircraft=with_(rovinj().aircraft, drag=drag)), speed=80.0, label="draggy")
+    same = circling(rovinj(), speed=80.0)
+    assert common_causes(compare_flights(same, draggy), other_wind=False) == ([], [Cause.DRAG])
+    assert common_causes(compare_flights(draggy, same), other_wind=False) == ([Cause.DRAG], [])
+    assert common_causes(compare_flights(same, circle(75.0)), other_wind=False) == ([], [])
 
 
 def test_parts_change_their_sign_when_the_flights_change_places() -> None:

@@ -62,9 +62,12 @@ def test_the_page_knows_what_is_lost_on_every_leg_and_why(language: Language) ->
     assert [leg["lost"] for leg in legs] == pytest.approx([leg.difference for leg in compared.legs])
     for leg in legs:
         assert len(leg["reasons"]) <= 2
+        ranks = [reason["rank"] for reason in leg["reasons"]]
+        assert ranks == sorted(ranks)
         for reason in leg["reasons"]:
             assert reason["cause"] in [texts[list(Language).index(language)] for texts in TEXTS["causes"].values()]
             assert reason["lost"] > 0.0
+            assert reason["cause"] not in [cause["cause"] for cause in contents["differences"][0]["common"]]
             assert all("." not in fact or language is Language.EN for fact in reason["facts"])
     assert any(reason["facts"] for leg in legs for reason in leg["reasons"])
 

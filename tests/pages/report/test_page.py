@@ -244,7 +244,7 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
     ]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
     assert list(page["colours"][0]) == ["title", "history", "digits", "signed", "unit"]
-    assert list(page["differences"][0]) == ["flight", "time", "difference", "legs"]
+    assert list(page["differences"][0]) == ["flight", "time", "difference", "legs", "common"]
     assert list(page["differences"][0]["legs"][0]) == ["passing", "lost", "reasons"]
 
 

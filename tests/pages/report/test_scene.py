@@ -1,12 +1,16 @@
 """The state of the scene in a browser: cameras, shadows, names, graphics, and controls in reach."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser_pages import Opened, gate_runs, opened
-from example_flights import half_cuban, windy
+from example_flights import circling, half_cuban, rovinj, windy
 from playwright.sync_api import Browser
+
+from airrace.pages.report.flight_page import flight_page
 
 pytestmark = pytest.mark.slow
 CLEAR = 13.0
@@ -107,11 +111,11 @@ def test_the_order_of_the_flights_and_their_gap_are_those_of_the_comparison(lapt
           const { clock, place, order } = airrace.graphics.state(time);
           return [clock, place, order.map(({ flight, gap }) => [flight.number, gap])];
         }""",
-        half_cuban().race_time,
+        max(half_cuban().race_time, windy().race_time),
     )
     total = compared.legs[-1].cumulative
     first = 0 if total > 0.0 else 1
-    assert state[0] == f"{half_cuban().race_time:.2f}"
+    assert state[0] == f"{max(half_cuban().race_time, windy().race_time):.2f}"
     assert state[1] == "finish"
     assert [number for number, _ in state[2]] == [first, 1 - first]
     assert [gap for _, gap in state[2]] == pytest.approx([0.0, abs(total)], abs=2e-3)
@@ -216,6 +220,140 @@ def test_a_second_leg_is_shown_again_that_wins_back_enough(
     assert laptop.run(SWINGS, [lost, 2]) == shown
 
 
+def test_a_replay_shows_how_far_apart_both_are_and_counts_the_gap_up_to_the_loss(laptop: Opened) -> None:
+    """Most of the distance lies across the picture, rather than along the line of sight."""
+    seen = laptop.run(
+        """() => airrace.graphics.swings.map((swing, number) => {
+          const { scene, graphics, flights } = airrace, view = scene.views.get(`replay ${number + 1}`);
+          let [apart, across] = [0, 0];
+          const { before, after } = swing.leg;
+          for (let time = before.time; time <= after.time; time += 0.1) {
+            view.place(1280, 720, time);
+            const lead = flights[0].position(time), other = flights[swing.flight].position(time + swing.shift);
+            const sight = lead.clone().sub(view.camera.position).normalize();
+            const gap = other.sub(lead);
+            apart += gap.length();
+            across += gap.cross(sight).length();
+          }
+          const times = [before.time - 0.2, before.time, after.time, swing.to];
+          const lost = times.map((time) => graphics.runningGap(swing, time).lost);
+          return [across / apart, lost, swing.lost];
+        })"""
+    )
+    assert seen
+    for across, gaps, lost in seen:
+        assert across > 0.8
+        assert gaps == pytest.approx([0.0, 0.0, lost, lost], abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("finishes", "followed"),
+    [
+        ([50.0, 49.0], []),
+        ([50.0, 50.6], []),
+        ([50.0, 54.5], [[1, 50.0, 54.5]]),
+        ([50.0, 71.0], [[1, 50.0, 62.0]]),
+        ([50.0, None], []),
+        ([50.0, 58.0, 53.0], [[2, 50.0, 53.0], [1, 53.0, 58.0]]),
+        ([50.0, 53.0, 54.0], [[2, 50.0, 54.0]]),
+        ([50.0, 51.5, 56.0], [[2, 50.0, 56.0]]),
+    ],
+)
+def test_television_follows_who_finishes_later_in_shots_that_are_long_enough(
+    laptop: Opened, finishes: list[float | None], followed: list[list[float]]
+) -> None:
+    pursuits = laptop.run(
+        """(finishes) => {
+          const made = finishes.map((raceTime, number) => ({ number, raceTime, duration: raceTime ?? 90 }));
+          const pairs = made.slice(1).map(({ number }) => ({ flight: number, legs: [] }));
+          const { pursuits } = new airrace.graphics.constructor(made, "", {}, {}, pairs);
+          return pursuits.map(({ flight, from, to }) => [flight.number, from, to]);
+        }""",
+        finishes,
+    )
+    assert pursuits == followed
+
+
+@pytest.fixture(scope="module")
+def circles(chromium: Browser, folder: Path) -> Iterator[Opened]:
+    """A flight beside a slower one of more drag."""
+    race = rovinj()
+    drag = replace(race.aircraft.drag, C_D0=4.0 * race.aircraft.drag.C_D0)
+    draggy = replace(race, aircraft=replace(race.aircraft, drag=drag))
+    flights = [circling(race, label="fast"), circling(draggy, speed=64.0, seconds=25.0, label="slow")]
+    (folder / "circles.html").write_text(flight_page(flights), encoding="utf-8")
+    page = opened(chromium, folder / "circles.html")
+    yield page
+    assert page.errors == []
+    page.page.context.close()
+
+
+def test_the_race_goes_on_until_the_last_flight_has_finished(circles: Opened) -> None:
+    """The camera goes to it by the rules of framing, the first one is gone, and no final gap is shown before."""
+    end, states = circles.run(
+        """() => {
+          const { scene, graphics, film } = airrace, view = scene.views.get("tv");
+          const states = [19.9, 20.5, 22.7, 24.9, film.end].map((time) => {
+            const { clock, order, gapAt, done } = graphics.state(time);
+            const { inside, size } = view.framing(1280, 720, time);
+            const shown = airrace.flights.filter((flight) => view.shows(flight, time)).map(({ number }) => number);
+            return [time, clock, order[1].gap, gapAt, done, inside, size, graphics.subject(time).number, shown];
+          });
+          return [film.end, states];
+        }"""
+    )
+    assert end == pytest.approx(25.0)
+    for time, clock, gap, gap_at, done, inside, size, subject, shown in states:
+        assert clock == f"{time:.2f}"
+        assert done is (time == end)
+        assert (gap == pytest.approx(5.0, abs=2e-3)) is done
+        assert gap_at.startswith("gap at ")
+        assert inside
+        assert 0.06 <= size <= 0.25
+        assert (subject, shown) == ((0, [0, 1]) if time < 20.0 else (1, [1]))
+
+
+def test_the_box_of_speed_and_height_names_whom_the_camera_follows(circles: Opened) -> None:
+    named = circles.run(
+        """() => [10, 22].map((time) => {
+          const named = [], spy = Object.create(airrace.graphics);
+          spy.named = ({ label }) => named.push(label);
+          const context = document.createElement("canvas").getContext("2d");
+          spy.draw(context, 1280, 720, time, { name: "tv", follows: true }, { whole: true });
+          return named.at(-1);
+        })"""
+    )
+    assert named == ["fast", "slow"]
+
+
+def test_the_map_of_the_result_has_the_names_of_gates_alone(laptop: Opened) -> None:
+    hidden = laptop.run(
+        """() => ["result", "orbit"].map((view) => {
+          airrace.film.frame(4, view, 320, 180);
+          return airrace.scene.actors.map(({ tag }) => tag.hidden());
+        })"""
+    )
+    assert hidden == [[True, True], [False, False]]
+
+
+def test_losses_spread_over_all_legs_are_told_so_and_their_common_cause_once(circles: Opened) -> None:
+    lines, told = circles.run(
+        """() => {
+          const { lines, told } = airrace.graphics.outcome();
+          return [lines, told.map(({ lost, reasons, leg }) => [lost, reasons, Boolean(leg)])];
+        }"""
+    )
+    legs = len(rovinj().course.passages) - 1
+    assert lines == [
+        f"slow loses a little on {legs} of {legs} legs, most on these",
+        "slow, on every leg: aircraft with more drag",
+    ]
+    losses = [lost for lost, _, is_leg in told if is_leg]
+    assert losses == sorted(losses, reverse=True)
+    assert told[-1][2] is False
+    assert not any("aircraft with more drag" in reason for _, reasons, _ in told for reason in reasons)
+
+
 def test_the_result_accounts_for_all_of_the_gap_leg_by_leg_and_counts_penalties(laptop: Opened) -> None:
     plain, penalised = laptop.run(
         """() => {
@@ -278,7 +416,7 @@ def test_gaps_stand_once_and_name_the_gate_of_the_board(laptop: Opened) -> None:
     for place, gap_at, gaps, (marked,), last in states:
         assert all(name in names for name in place.split(" → "))
         assert gap_at == (f"gap at {names[last]}" if last else "")
-        assert marked == "" or marked.startswith(f"{max(gaps):.3f} s ")
+        assert marked == "" or marked[1:] == f"{max(gaps):.3f} at {names[last]}"
         assert bool(marked) == bool(last)
 
 

@@ -4,12 +4,12 @@
 import { Box3, PerspectiveCamera, Vector3 } from "three";
 import { radiusOf } from "./course.js";
 import { extremitiesOf, placed } from "./flight.js";
+import { SHORTEST } from "./values.js";
 
 const UP = new Vector3(0, 1, 0);
 
 // The rules of framing.
 const [SMALLEST, LARGEST] = [0.06, 0.25]; // of the picture's height, that the aircraft takes
-const SHORTEST = 2.5; // s of a shot
 const NEARLY = 1.3; // of the picture, within which the middle of a large aircraft is while a part of it is seen
 const SIDEWAYS = 0.25; // of the speed, across the picture: from there on a flight has a direction in it
 
@@ -36,6 +36,8 @@ const CLOSE = 24; // m, from the way to a gate's camera: what is liked best
 const APART = 0.1; // s between the places of the ways that cameras keep clear of
 const HEIGHTS = [8, 26]; // m, of the cameras at gates in turn: against the horizon, and against water or land
 const BESIDE_RIVAL = 0.25; // rad, of a camera beyond the first flight from a rival, so that one does not hide the other
+const ACROSS = [-Math.PI / 2, -0.9, 0.9, Math.PI / 2]; // rad, of cameras that see how far apart both are
+const [LOW, HIGH] = [[6, 14], 34]; // m, of cameras in the air above the first flight
 const OUT = 58; // m, from the aircraft to a camera in the air
 const LOWEST = 3; // m, of any camera above the ground
 const BULK = 0.6; // m, around the middle of the fuselage, that a pylon must not cover
@@ -51,6 +53,7 @@ const TWICE = 0.5; // the same kind of shot again
 const TURN = ["aerial", "wide", "aerial", "chase", "beside"]; // kinds between gates that are liked in turn
 const LIKED_IN_TURN = 0.4;
 const ALONE = { replay: 40, race: 3 }; // for a shot in which a flight nearby is out of the picture all along
+const ALIGNED = 15; // for a replay in which one flight is right before or behind the other all along
 
 /**
  * What the rules ask of a picture.
@@ -118,9 +121,12 @@ function jumps(before, after) {
 
 /** Chooses the shots for pictures of one shape: `{from, kind, place(camera, time)}` in their order. */
 export class Director {
-  /** `elements` are those of the course, and `shore` tells the side of the land: there the wide camera stands. */
-  constructor(flights, elements, shore, sun, chase) {
-    Object.assign(this, { flights, sun, chase, plans: new Map() });
+  /**
+   * `elements` are those of the course, and `shore` tells the side of the land: there the wide camera stands. The first flight is
+   * followed from `begin` to `end`.
+   */
+  constructor(flights, elements, shore, sun, chase, begin = 0, end = flights[0].duration) {
+    Object.assign(this, { flights, sun, chase, begin, end, plans: new Map() });
     this.posts = elements.flatMap(({ posts, top }) => posts.map(([north, east]) => placed(north, east, top)));
     const [lead] = flights;
     const places = (flight) => Array.from({ length: Math.ceil(flight.duration / APART) + 1 }, (_, i) => flight.position(i * APART));
@@ -146,7 +152,7 @@ export class Director {
   replay({ from, to, flight, shift }, aspect) {
     const passings = this.flights[0].passings.map(({ time }) => time).filter((time) => time >= from && time < to);
     const rival = this.flights[flight].earlier(shift);
-    const piece = { from, to, passings, rival, company: [rival], alone: ALONE.replay };
+    const piece = { from, to, passings, rival, company: [rival], alone: ALONE.replay, again: true };
     const shots = this.priced(new PerspectiveCamera(40, aspect, 1, 60000), piece, 0);
     return shots.reduce((best, shot) => (shot.price < best.price ? shot : best));
   }
@@ -179,22 +185,23 @@ export class Director {
    */
   pieces() {
     const [lead, ...others] = this.flights;
-    const times = lead.passings.map(({ time }) => time).filter((time, i, all) => i === 0 || time > all[i - 1]);
-    const cuts = [0];
+    const finish = this.end;
+    const times = lead.passings.map(({ time }) => time).filter((time, i, all) => time <= finish + 1e-9 && (i === 0 || time > all[i - 1]));
+    const cuts = [this.begin];
     const cut = (time, room) => {
       if (time - cuts.at(-1) >= SHORTEST && room - time >= SHORTEST) cuts.push(time);
     };
     times.forEach((time, i) => {
-      cut(time - BEFORE, lead.duration);
-      const next = i + 1 < times.length ? times[i + 1] - BEFORE : lead.duration;
+      cut(time - BEFORE, finish);
+      const next = i + 1 < times.length ? times[i + 1] - BEFORE : finish;
       cut(time + AFTER, next);
     });
-    const ends = [...cuts.slice(1), lead.duration];
+    const ends = [...cuts.slice(1), finish];
     return cuts.flatMap((from, i) => {
       const parts = Math.max(1, Math.min(Math.ceil((ends[i] - from) / LONGEST), Math.floor((ends[i] - from) / SHORTEST)));
       return Array.from({ length: parts }, (_, part) => {
         const [begin, end] = [part, part + 1].map((share) => from + ((ends[i] - from) * share) / parts);
-        const last = end > lead.duration - 1e-9; // which the finish belongs to
+        const last = end > finish - 1e-9; // which the finish belongs to
         const passings = times.filter((time) => time >= begin - 1e-9 && (last || time < end));
         return { from: begin, to: end, passings, rival: this.nearby(0.5 * (begin + end)), company: others, alone: ALONE.race };
       });
@@ -222,32 +229,33 @@ export class Director {
   candidates(piece, number) {
     const atGate = piece.passings.length > 0;
     const moment = atGate ? piece.passings[0] : 0.5 * (piece.from + piece.to);
-    const { rival, company } = piece;
+    const { rival, company, again } = piece;
     const shots = [];
     const add = (kind, taste, place) => shots.push({ kind, taste, place });
     const liked = (kind) => (atGate ? 1 : kind === TURN[number % TURN.length] ? 0 : LIKED_IN_TURN);
     for (const { eye, price } of this.beside(moment, number)) {
       const kind = atGate ? "gate" : "beside";
-      add(kind, (atGate ? 0 : liked(kind)) + price, (camera, time) => this.aim(camera, eye, time, LIKED[kind], company));
+      add(kind, (atGate ? 0 : liked(kind)) + price, (camera, time) => this.aim(camera, eye, time, LIKED[kind], company, again));
     }
     for (let turn = 0; turn < 8; turn += 1)
-      for (const up of [6, 14]) {
+      for (const up of LOW) {
         const offset = new Vector3(Math.sin((turn * Math.PI) / 4) * OUT, up, Math.cos((turn * Math.PI) / 4) * OUT);
         const glare = offset.clone().normalize().dot(this.sun);
-        const place = (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial, company);
+        const place = (camera, time) => this.aim(camera, this.centre(time).add(offset), time, LIKED.aerial, company, again);
         add("aerial", liked("aerial") - 0.3 * glare, place);
       }
     // In line with a rival both are seen also in an upright picture, one beyond the other.
+    // Across that line a replay shows how the gap grows.
     const line = rival && this.line(piece, rival);
-    for (const turn of rival ? [-BESIDE_RIVAL, BESIDE_RIVAL] : [])
-      for (const up of [6, 14]) {
+    for (const turn of rival ? [-BESIDE_RIVAL, BESIDE_RIVAL, ...(again ? ACROSS : [])] : [])
+      for (const up of again ? [...LOW, HIGH] : LOW) {
         const place = (camera, time) => {
           const off = line(time).normalize().applyAxisAngle(UP, turn).multiplyScalar(OUT);
-          this.aim(camera, this.centre(time).add(off.setY(up)), time, LIKED.aerial, company);
+          this.aim(camera, this.centre(time).add(off.setY(up)), time, LIKED.aerial, company, again);
         };
         add("aerial", liked("aerial"), place);
       }
-    add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide, company));
+    add("wide", liked("wide"), (camera, time) => this.aim(camera, this.tower, time, LIKED.wide, company, again));
     add("chase", liked("chase"), (camera, time) => this.chase.follow(camera, time));
     return shots;
   }
@@ -280,7 +288,7 @@ export class Director {
   priceOf(camera, shot, piece) {
     const [lead] = this.flights;
     const count = Math.max(Math.ceil((piece.to - piece.from) / INSTANT), 2);
-    let [broken, hidden, distant, alone] = [0, 0, 0, 0];
+    let [broken, hidden, distant, alone, apart, aligned] = [0, 0, 0, 0, 0, 0];
     const across = [];
     for (let i = 0; i <= count; i += 1) {
       const time = piece.from + ((piece.to - piece.from) * i) / count;
@@ -290,10 +298,16 @@ export class Director {
       if (this.hidden(camera.position, lead.position(time)) || crowded(camera, piece.company, time)) hidden += 1;
       if (framing.size < DISTANT) distant += 1;
       if (piece.rival && !isSeen(piece.rival.position(time).project(camera), STRICT.edge)) alone += 1;
+      if (piece.again) {
+        const gap = piece.rival.position(time).sub(lead.position(time));
+        const sight = lead.position(time).sub(camera.position).normalize();
+        apart += gap.length();
+        aligned += gap.length() - gap.cross(sight).length(); // what the picture does not show of the distance
+      }
       across.push(framing.across);
     }
     broken += this.hiddenPassings(camera, shot, piece);
-    const dull = (HIDDEN * hidden + SMALL * distant + piece.alone * alone) / (count + 1);
+    const dull = (HIDDEN * hidden + SMALL * distant + piece.alone * alone) / (count + 1) + (apart && (ALIGNED * aligned) / apart);
     const price = shot.taste + dull + (broken ? BROKEN * (1 + broken) : 0);
     return { price, begins: across[0], ends: across.at(-1) };
   }
@@ -333,8 +347,8 @@ export class Director {
     return middle.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(middle.length).lerp(flight.position(time), 0.5);
   }
 
-  /** Look from an eye so that the aircraft has its size, company near to it is seen, and so is the horizon, as far as can be. */
-  aim(camera, eye, time, liked, company) {
+  /** Look from an eye so that the aircraft has its size, or `again` in favour of company the least one, company near to it is seen, and so is the horizon, as far as can be. */
+  aim(camera, eye, time, liked, company, again = false) {
     const [lead] = this.flights;
     const from = eye.clone().setY(Math.max(eye.y, LOWEST));
     const sight = lead.position(time).sub(from);
@@ -350,7 +364,8 @@ export class Director {
     }
     middle.divideScalar(members);
     const elevation = Math.asin(sight.y / distance);
-    const shared = Math.min(2.2 * sight.angleTo(middle), fieldOf(DISTANT));
+    const across = again ? Math.min(1, camera.aspect) : 1;
+    const shared = Math.min((2.2 * sight.angleTo(middle)) / across, fieldOf(again ? STRICT.smallest : DISTANT));
     const wanted = Math.max(fieldOf(liked), Math.abs(elevation) / LEANING, shared);
     const half = Math.max(Math.min(wanted, fieldOf(1.15 * STRICT.smallest), WIDEST), fieldOf(0.8 * STRICT.largest));
     const apart = sight.angleTo(middle);
@@ -372,8 +387,9 @@ function cutPrice(before, after) {
 
 /** What the director shows. */
 export class Television {
-  constructor(director) {
-    Object.assign(this, { name: "tv", director, follows: true, onAir: true });
+  /** `pursuing` are directors for those who finish after the first flight, see `pursuitsOf`. */
+  constructor(director, pursuing = []) {
+    Object.assign(this, { name: "tv", director, pursuing, follows: true, onAir: true });
     this.camera = new PerspectiveCamera(40, 1, 1, 60000);
   }
 
@@ -388,15 +404,26 @@ export class Television {
   }
 
   shot(time, aspect) {
-    return this.director.shot(time, aspect);
+    return this.directorAt(time).shot(time, aspect);
+  }
+
+  /** Who directs at an instant. */
+  directorAt(time) {
+    return this.pursuing.findLast(({ begin, flights: [flight] }) => begin < time && flight.visible) ?? this.director;
+  }
+
+  /** Nobody hangs in the air who has finished while others fly. */
+  shows(flight, time) {
+    return time <= flight.duration || this.directorAt(time).flights[0] === flight;
   }
 
   /** How a picture of the race keeps the rules: see `framingOf`; with those that it breaks, and whether a pylon hides the aircraft. */
   framing(width, height, time) {
     this.place(width, height, time);
-    const [lead] = this.director.flights;
+    const director = this.directorAt(time);
+    const [lead] = director.flights;
     const framing = framingOf(this.camera, lead, time);
-    const hidden = this.director.hidden(this.camera.position, lead.position(time));
+    const hidden = director.hidden(this.camera.position, lead.position(time));
     return { ...framing, broken: brokenRules(framing), hidden, eye: this.camera.position.toArray() };
   }
 }
@@ -408,8 +435,9 @@ export class Replay extends Television {
     Object.assign(this, { name: `replay ${number + 1}`, swing, shots: new Map() });
   }
 
-  shows(flight) {
-    return flight.number === 0 || flight.number === this.swing.flight;
+  shows(flight, time) {
+    const takesPart = flight.number === 0 || flight.number === this.swing.flight;
+    return takesPart && time + this.shiftOf(flight) <= flight.duration + 1e-3;
   }
 
   shiftOf(flight) {

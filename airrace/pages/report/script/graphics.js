@@ -3,7 +3,7 @@
 
 import { Vector3 } from "three";
 import { overlap, RESULT, sized, writeLabels } from "./scene.js";
-import { signed, swingsOf, written } from "./values.js";
+import { pursuitsOf, signed, swingsOf, written } from "./values.js";
 
 const SHOWN = 2.6; // s, that a split stays
 const FADE = 0.25; // s, in which it appears and goes
@@ -17,6 +17,8 @@ const SECTOR = { best: "#c77dff", own: FASTER, slower: "#ffd166" }; // of all, o
 const PRESENTED = { from: 0.3, to: 4.8 }; // s, in which it is told who flies
 const DISQUALIFIED = "DSQ"; // the abbreviation of result lists in all languages
 const CALLED = 4; // s, that a penalty stays
+const EVEN = 0.5; // of what a flight loses: where its two costliest legs make less, it lost little by little
+const COUNTS = 0.1; // of what all other legs cost, from which on one of its causes is told
 const TOLD = 0.02; // s, that is lost on a leg from which on the result tells of it
 const RESULT_SHOWN = 8; // s
 const PENALTIES = 3; // of which the result tells
@@ -27,6 +29,13 @@ export class Graphics {
   constructor(flights, title, units, broadcast, differences) {
     Object.assign(this, { flights, title, lead: flights[0], units, broadcast, differences, panels: [] });
     this.swings = swingsOf(differences, flights);
+    this.pursuits = pursuitsOf(differences, flights);
+    this.finish = Math.max(flights[0].duration, ...differences.map(({ flight }) => flights[flight]).map(({ raceTime, duration }) => raceTime && duration));
+  }
+
+  /** Whom television follows at an instant. */
+  subject(time) {
+    return this.pursuits.findLast(({ flight, from }) => from < time && flight.visible)?.flight ?? this.lead;
   }
 
   /** A text in the language of the broadcast, with values in their places. */
@@ -55,14 +64,14 @@ export class Graphics {
     this.panels = [];
     if (view.seat) this.headUp(width, height, time, view.camera);
     if (!view.follows && !whole) return;
-    if (view.name === RESULT) return this.result(width, height - edge);
-    if (view.swing) this.repeated(edge, edge, Math.min(width - 2 * edge, 430 * this.unit), view.swing);
+    if (view.name === RESULT) return this.result(width, height, edge, view.camera);
+    if (view.swing) this.repeated(edge, edge, Math.min(width - 2 * edge, 430 * this.unit), view.swing, time);
     else this.tower(edge, top + edge, time, whole);
     const gauged = whole && !view.seat;
     // Upright there is no room beside the gauges.
-    const above = gauged && width < 1.2 * height ? 84 * this.unit : 0;
+    const above = gauged && width < 1.2 * height ? (this.flights.length > 1 ? 108 : 84) * this.unit : 0;
     if (!view.swing) this.split(0.5 * width, height - bottom - edge - above, time);
-    if (gauged) this.gauges(width - edge, height - edge, time);
+    if (gauged) this.gauges(width - edge, height - edge, time, view.name === "tv" ? this.subject(time) : this.lead);
     if (whole && !view.swing) this.presentation(edge, height - edge - (above && above + 58 * this.unit), time);
     if (view.camera && view.follows && !view.seat) this.outside(width, height, time, view);
   }
@@ -110,19 +119,19 @@ export class Graphics {
     return Math.max(1, ...this.lead.passings.map(({ lap }) => lap ?? 1));
   }
 
-  /** What is written at the upper left: clock, lap and leg, the flights in their order and where, and whether the first one is done. */
+  /** What is written at the upper left: clock, lap and leg, the flights in their order and where, and whether all have finished. */
   state(time) {
-    const { passings, duration } = this.lead;
-    const leg = this.lead.leg(time);
+    const subject = this.subject(time);
+    const { passings } = subject;
+    const leg = subject.leg(time);
     const last = passings.length - 1;
-    const done = time >= duration - 1e-6;
-    const now = done ? Infinity : time; // the result, though others finish later
-    const compared = this.last(now);
+    const done = time >= this.finish - 1e-6;
+    const compared = this.last(done ? Infinity : time);
     return {
-      clock: this.number(Math.min(time, duration), 2),
+      clock: this.number(Math.min(time, this.finish), 2),
       lap: this.lapName(passings[Math.min(leg + 1, last)]),
       place: done || leg === last ? this.say("finish") : legName({ before: passings[leg], after: passings[leg + 1] }),
-      order: this.order(now),
+      order: this.order(done ? Infinity : time),
       gapAt: compared > 0 && this.flights.length > 1 ? this.say("gap at", this.lead.passing(compared)?.name ?? "") : "",
       done,
     };
@@ -131,7 +140,7 @@ export class Graphics {
   tower(left, top, time, whole) {
     const u = this.unit;
     const { clock, lap, place, order, gapAt, done } = this.state(time);
-    const now = done ? Infinity : time; // the result, though others finish later
+    const now = done ? Infinity : time;
     const compares = order.length > 1 || this.laps > 1;
     const [wide, row] = [252 * u, 34 * u];
     const heading = whole && this.title;
@@ -147,7 +156,7 @@ export class Graphics {
     y += 18 * u;
     for (const [i, { flight, gap }] of compares ? order.entries() : []) {
       const added = this.added(flight, now);
-      const first = done ? this.number(flight.raceTime, 3) : this.say("ahead");
+      const first = time >= flight.duration - 1e-6 ? this.number(flight.raceTime, 3) : this.say("ahead");
       const text = !gapAt || order.length < 2 ? "" : i === 0 ? first : Number.isFinite(gap) ? this.number(gap, 3, signed) : "";
       this.context.fillStyle = flight.colour;
       this.context.fillRect(left + 14 * u, y + 4 * u, 6 * u, 22 * u);
@@ -221,20 +230,43 @@ export class Graphics {
   }
 
   /** That a leg is shown again, who loses how much on it, and why. */
-  repeated(left, top, wide, { leg, loser, lost, reasons }) {
+  repeated(left, top, wide, swing, time) {
     const u = this.unit;
+    const { leg, loser, reasons } = swing;
     const flight = this.flights[loser];
-    const high = (100 + 22 * reasons.length) * u;
+    const common = this.commonCause(swing.flight, loser);
+    const why = [...reasons.map((reason) => reasonText(reason)), ...(common ? [common] : [])];
+    const high = (100 + 22 * why.length) * u;
     this.panel(left, top, wide, high);
     this.write(this.say("replay"), left + 14 * u, top + 28 * u, 22, { weight: 750, colour: SECTOR.slower, within: 180 * u });
     const within = wide - 216 * u;
     this.write(legName(leg), left + wide - 14 * u, top + 27 * u, 17, { weight: 650, align: "right", within });
     this.write(this.say("level", leg.before.name), left + 14 * u, top + 50 * u, 14, { colour: PALE, within: wide - 140 * u });
     this.write(this.lapName(leg.after), left + wide - 14 * u, top + 50 * u, 14, { align: "right", colour: PALE, within: 100 * u });
-    this.named(flight, left + 14 * u, top + 62 * u, 220 * u);
-    const text = `${this.number(lost, 3, signed)} s`;
+    this.named(flight, left + 14 * u, top + 62 * u, wide - 212 * u);
+    const { lost, metres, over } = this.runningGap(swing, time);
+    const text = `${this.number(lost, over ? 3 : 2, signed)} s`;
     this.write(text, left + wide - 14 * u, top + 79 * u, 20, { weight: 700, align: "right", colour: SLOWER });
-    reasons.forEach((reason, i) => this.write(reasonText(reason), left + 28 * u, top + (104 + 22 * i) * u, 16, { within: wide - 42 * u }));
+    const away = `${this.number(metres * this.units.per_m, 0)} ${this.units.length}`;
+    this.write(away, left + wide - 124 * u, top + 79 * u, 16, { align: "right", colour: PALE, within: 60 * u });
+    why.forEach((reason, i) => this.write(reason, left + 28 * u, top + (104 + 22 * i) * u, 16, { within: wide - 42 * u }));
+  }
+
+  /** How much the loser of a replay has lost where the first flight is, s, how far both are apart, and whether the leg is over. */
+  runningGap({ flight, loser, leg, shift }, time) {
+    const { at } = this.differences.find((pair) => pair.flight === flight);
+    const now = Math.min(Math.max(time, leg.before.time), leg.after.time);
+    const other = this.flights[flight];
+    const flown = Math.min(now, other.passing(leg.after.number).time - shift); // by both
+    const metres = this.lead.position(flown).distanceTo(other.position(flown + shift));
+    return { lost: (loser ? 1 : -1) * (at(now) - shift), metres, over: time >= leg.after.time };
+  }
+
+  /** What costs a flight of a pair time on every leg; null where nothing does. */
+  commonCause(pair, loser) {
+    const causes = this.differences.find(({ flight }) => flight === pair)?.common ?? [];
+    const same = causes.filter(({ flight }) => flight === loser).map(({ cause }) => cause);
+    return same.length ? this.say("everywhere", same.join(", ")) : null;
   }
 
   /** The colour and the name of a flight. */
@@ -251,9 +283,11 @@ export class Graphics {
   }
 
   /** The result of a race of several flights: who has won and by how much, and where time was lost, by whom and why. */
-  result(width, bottom) {
+  result(width, height, edge, camera) {
     const u = this.unit;
-    const { rows, told, high: units } = this.outcome();
+    const bottom = height - edge;
+    const { rows, told, lines, high: units } = this.outcome();
+    if (camera) for (const { leg, flight } of told) if (leg) this.highlight(leg, flight, width, height, camera);
     const wide = Math.min(width - 52 * u, 940 * u);
     const [left, row, high] = [0.5 * (width - wide), 28 * u, units * u];
     const right = left + wide - 16 * u;
@@ -272,8 +306,11 @@ export class Graphics {
       this.write(behind, right, y + 17 * u, 18, { align: "right", weight: 700, colour: SLOWER, within: 0.19 * wide });
       y += row;
     }
-    if (told.length) this.write(this.say("where"), left + 16 * u, y + 19 * u, 14, { colour: PALE, within: wide - 32 * u });
-    y += 28 * u;
+    for (const line of lines) {
+      this.write(line, left + 16 * u, y + 19 * u, 15, { colour: PALE, within: wide - 32 * u });
+      y += 22 * u;
+    }
+    y += lines.length && 6 * u;
     for (const { name, lap, flight, lost, reasons } of told) {
       this.write(name, left + 16 * u, y + (lap ? 14 : 19) * u, 17, { weight: 650, within: 0.17 * wide });
       this.write(lap, left + 16 * u, y + 31 * u, 13, { colour: PALE, within: 0.17 * wide });
@@ -288,6 +325,13 @@ export class Graphics {
     }
   }
 
+  /** The way of a flight on a leg, over a picture. */
+  highlight({ before, after }, flight, width, height, camera) {
+    const [from, to] = [before, after].map(({ number }) => flight.passing(number).time);
+    const seen = flight.places(from, to).map((place) => place.project(camera));
+    this.stroke([seen.map(({ x, y }) => [0.5 * width * (1 + x), 0.5 * height * (1 - y)])], SLOWER, 5);
+  }
+
   /** Who has won, and by how much, in words. */
   verdict([winner, second]) {
     const name = shortened(winner.flight.label);
@@ -297,7 +341,10 @@ export class Graphics {
     return gap < 0.0005 ? this.say("tie") : this.say("won by", name, this.number(gap, 3));
   }
 
-  /** What the result tells: `rows` of all flights in their order, in which penalties count; `told`, what cost whom time; how `high` it is. */
+  /**
+   * What the result tells: `rows` of all flights in their order, in which penalties count; `told`, what cost whom time, and
+   * the `lines` above that; how `high` it is.
+   */
   outcome() {
     const rows = this.flights.filter(({ visible }) => visible).map((flight) => {
       const added = flight.penalties.reduce((sum, { seconds }) => sum + (seconds ?? Infinity), 0);
@@ -305,8 +352,26 @@ export class Graphics {
     });
     rows.sort((a, b) => (a.total === b.total ? 0 : a.total - b.total));
     const [first, second] = rows.map(({ flight }) => flight);
-    const told = [...this.costlyPenalties(rows), ...this.costlyLegs(first === this.lead ? second : first)];
-    return { rows, told, high: 56 + 28 * rows.length + (told.length && 28 + 40 * told.length) };
+    const other = first === this.lead ? second : first;
+    const told = [...this.costlyPenalties(rows), ...this.costlyLegs(other)];
+    const heading = told.length ? this.heading(other, told) : "";
+    const losers = [other, this.lead].filter((flight) => told.some((row) => row.leg && row.flight === flight));
+    const common = losers.map((flight) => ({ flight, cause: this.commonCause(other.number, flight.number) }));
+    const everywhere = common.filter(({ cause }) => cause).map(({ flight, cause }) => `${shortened(flight.label)}, ${cause}`).join("; ");
+    const lines = [heading, everywhere].filter(Boolean);
+    return { rows, told, lines, high: 56 + 28 * rows.length + (lines.length && 6 + 22 * lines.length) + 40 * told.length };
+  }
+
+  /** What the rows of losses are: where most was lost, or that it was lost little by little. */
+  heading(other, told) {
+    const legs = this.differences.find(({ flight }) => flight === other?.number)?.legs ?? [];
+    const [costly, ...others] = told.filter(({ leg }) => leg);
+    const lossOf = ({ lost }) => (costly?.flight === other ? lost : -lost);
+    const losing = legs.map(lossOf).filter((lost) => lost >= TOLD).sort((a, b) => b - a);
+    const sum = (values) => values.reduce((total, lost) => total + lost, 0);
+    const both = others.some(({ flight }) => flight !== costly.flight);
+    if (!costly || both || sum(losing.slice(0, 2)) >= EVEN * sum(losing)) return this.say("where");
+    return this.say("spread", shortened(costly.flight.label), losing.length, legs.length);
   }
 
   /** The penalties that cost most, as `{name, lap, flight, lost, reasons}`; what is lost is null where the race was over. */
@@ -325,9 +390,9 @@ export class Graphics {
     const ranked = legs.filter(({ lost }) => Math.abs(lost) >= TOLD).sort((a, b) => Math.abs(b.lost) - Math.abs(a.lost));
     const chosen = [1, -1].flatMap((sense) => ranked.filter(({ lost }) => sense * lost > 0).slice(0, 2));
     const entry = (name, lap, lost, reasons) => ({ name, lap, flight: lost > 0 ? other : this.lead, lost: Math.abs(lost), reasons });
-    const told = chosen.sort((a, b) => a.passing - b.passing).map(({ passing, lost, reasons }) => {
+    const told = ranked.filter((leg) => chosen.includes(leg)).map(({ passing, lost, reasons }) => {
       const leg = { before: this.lead.passing(passing - 1), after: this.lead.passing(passing) };
-      return entry(legName(leg), this.lapName(leg.after), lost, reasons.map((reason) => reasonText(reason, 1)));
+      return { ...entry(legName(leg), this.lapName(leg.after), lost, reasons.map((reason) => reasonText(reason, 1))), leg };
     });
     const finished = other && this.lead.raceTime !== null && other.raceTime !== null;
     const sum = (some) => some.reduce((total, { lost }) => total + lost, 0);
@@ -335,18 +400,21 @@ export class Graphics {
     if (!told.length || Math.abs(rest) < TOLD) return told;
     const causes = new Map();
     const same = legs.filter((leg) => !chosen.includes(leg) && leg.lost * rest > 0).flatMap(({ reasons }) => reasons);
-    for (const { cause, lost } of same) causes.set(cause, (causes.get(cause) ?? 0) + lost);
-    const reasons = [...causes].sort((a, b) => b[1] - a[1]).slice(0, 2).map(([cause]) => cause);
+    for (const { cause, lost, rank } of same) causes.set(cause, { rank, lost: (causes.get(cause)?.lost ?? 0) + lost });
+    const counting = [...causes].filter(([, cause]) => cause.lost >= COUNTS * Math.abs(rest));
+    const inOrder = counting.sort(([, a], [, b]) => a.rank - b.rank || b.lost - a.lost);
+    const reasons = inOrder.slice(0, 2).map(([cause]) => cause);
     return [...told, entry(this.say("others"), "", rest, reasons)];
   }
 
-  /** Where flights are that are not in the picture, and how far behind or ahead of the first one they were at the last passing. */
+  /** Where flights are that are not in the picture, and how much later than the first one they made the gate of the order. */
   outside(width, height, time, view) {
     const u = this.unit;
     const order = new Map(this.order(time).map(({ flight, gap }) => [flight, gap]));
-    const tells = !view.swing && this.last(time) > 0;
+    const last = this.last(time);
+    const gate = !view.swing && last > 0 ? (this.lead.passing(last)?.name ?? "") : "";
     for (const flight of this.flights.slice(1)) {
-      if (!flight.visible || !(view.shows?.(flight) ?? true)) continue;
+      if (!flight.visible || !(view.shows?.(flight, time) ?? true)) continue;
       const at = flight.position(time + (view.shiftOf?.(flight) ?? 0)).project(view.camera);
       if (at.z < 1 && Math.abs(at.x) < 1 && Math.abs(at.y) < 1) continue;
       const sense = at.z < 1 ? 1 : -1; // behind the camera places are mirrored
@@ -354,7 +422,7 @@ export class Graphics {
       const [x, y] = [(sense * at.x) / reach, (-sense * at.y) / reach];
       const [across, down] = [0.5 * width + x * (0.5 * width - 70 * u), 0.5 * height + y * (0.5 * height - 40 * u)];
       const behind = order.get(flight) - order.get(this.lead);
-      const text = tells && Number.isFinite(behind) ? this.say(behind > 0 ? "behind" : "in front", this.number(Math.abs(behind), 3)) : "";
+      const text = gate && Number.isFinite(behind) ? this.say("at", this.number(behind, 3, signed), gate) : "";
       const box = this.clearOf([across - 60 * u, down - 24 * u, 120 * u, 48 * u], height);
       if (box !== null) this.marker(box, flight, text, Math.atan2(y * height, x * width));
     }
@@ -383,32 +451,38 @@ export class Graphics {
     this.write(text, left + 32 * u, top + 38 * u, 14, { within: wide - 38 * u });
   }
 
-  /** After a passing of the first flight its time. */
+  /** After a passing of whom television follows its time. */
   split(middle, bottom, time) {
-    const { passings } = this.lead;
-    const number = this.lead.leg(time);
-    const passing = passings[number];
-    const since = passing ? time - passing.time : Infinity;
-    const final = number === passings.length - 1;
-    if (number < 1 || since < -1e-3 || (since > SHOWN && !final)) return;
+    const followed = [{ flight: this.lead, from: 0 }, ...this.pursuits.filter(({ flight }) => flight.visible)];
+    const splits = followed.flatMap(({ flight, from }) =>
+      flight.passings.slice(1).filter((passing) => passing.time > from).map((passing) => ({ flight, passing })),
+    );
+    const last = splits.findLast(({ passing }) => passing.time <= time + 1e-3);
+    if (!last) return;
+    const { flight, passing } = last;
+    const since = time - passing.time;
+    const final = last === splits.at(-1);
+    if (since > SHOWN && !final) return;
     const u = this.unit;
     const several = this.flights.length > 1;
     this.context.globalAlpha = final ? 1 : Math.min(1, since / FADE, (SHOWN - since) / FADE);
     const [wide, high] = [(several ? 330 : 200) * u, 50 * u];
     const [left, top] = [middle - 0.5 * wide, bottom - high];
     this.panel(left, top, wide, high);
-    if (several) this.named(this.lead, left + 14 * u, top + 14 * u, 102 * u);
-    this.write(final ? this.say("finish") : passing.name, left + wide - 184 * u, top + 32 * u, 17, { colour: PALE, within: 68 * u });
+    if (several) this.named(flight, left + 14 * u, top + 14 * u, 102 * u);
+    this.write(passing === flight.passings.at(-1) ? this.say("finish") : passing.name, left + wide - 184 * u, top + 32 * u, 17, { colour: PALE, within: 68 * u });
     this.write(this.number(passing.time, 3), left + wide - 16 * u, top + 34 * u, 25, { weight: 700, align: "right" });
     this.context.globalAlpha = 1;
   }
 
-  /** Speed, height and load factor at the lower right. */
-  gauges(right, bottom, time) {
+  /** Speed, height and load factor of a flight at the lower right, and whose they are where there are several. */
+  gauges(right, bottom, time, flight) {
     const u = this.unit;
     const [wide, high] = [330 * u, 74 * u];
     const [left, top] = [right - wide, bottom - high];
-    this.panel(left, top, wide, high);
+    const name = this.flights.length > 1 ? 24 * u : 0;
+    this.panel(left, top - name, wide, high + name);
+    if (name) this.named(flight, left + 14 * u, top - name + 9 * u, wide - 42 * u);
     const values = [
       ["V_I", this.units.speed, 0],
       ["height", this.units.length, 0],
@@ -416,10 +490,10 @@ export class Graphics {
     ];
     values.forEach(([name, unit, digits], i) => {
       const x = left + (i + 1) * 104 * u - 18 * u;
-      this.write(this.number(this.lead.value(name, time), digits), x, top + 44 * u, 32, { weight: 700, align: "right" });
+      this.write(this.number(flight.value(name, time), digits), x, top + 44 * u, 32, { weight: 700, align: "right" });
       this.write(unit, x + 6 * u, top + 44 * u, 15, { colour: PALE });
     });
-    const load = this.lead.value("n_z", time);
+    const load = flight.value("n_z", time);
     const [bar, share] = [wide - 28 * u, Math.min(Math.max(load / 12, 0), 1)];
     this.context.fillStyle = "rgba(255, 255, 255, 0.18)";
     this.context.fillRect(left + 14 * u, top + 58 * u, bar, 6 * u);
@@ -577,11 +651,17 @@ export class Film {
     Object.assign(this, { scene, graphics, clock, sheet: document.createElement("canvas") });
   }
 
+  /** Up to when a race is filmed, s: until all whom television follows have finished. */
+  get end() {
+    const { pursuits, finish } = this.graphics;
+    return pursuits.at(-1)?.to ?? finish;
+  }
+
   /** What follows the finish of several flights: `[{view, from, to, seconds}]`, instants of the race and how long they are shown. */
   get sequel() {
-    const { swings, lead, flights } = this.graphics;
+    const { swings, finish, flights } = this.graphics;
     const replays = swings.map(({ from, to, seconds }, number) => ({ view: `replay ${number + 1}`, from, to, seconds }));
-    const result = { view: RESULT, from: lead.duration, to: lead.duration, seconds: RESULT_SHOWN };
+    const result = { view: RESULT, from: finish, to: finish, seconds: RESULT_SHOWN };
     return flights.length > 1 ? [...replays, result] : [];
   }
 

@@ -50,10 +50,15 @@ export class RaceScene {
     const lead = this.actors[0];
     const parallel = ["above", "side"].map((name) => new Parallel(name, points));
     const [chase, cockpit] = [new Chase(lead.flight), new Cockpit(lead.flight, lead.model)];
-    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun, chase);
+    const directed = (those, camera, ...part) => new Director(those, course.elements, this.ground.shore, this.ground.sun, camera, ...part);
+    const director = directed(flights, chase);
+    const pursuing = graphics.pursuits.map(({ flight, from, to }) => {
+      const beside = flights.filter((other) => other !== flight && other.duration > from);
+      return directed([flight, ...beside], new Chase(flight), from, to);
+    });
     const replays = graphics.swings.map((swing, number) => new Replay(director, swing, number));
     const result = Object.assign(new Orbit(points), { name: RESULT });
-    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director), ...replays, result];
+    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director, pursuing), ...replays, result];
     this.views = new Map(views.map((view) => [view.name, view]));
     this.view = views[0];
     this.enlarged = 1;
@@ -219,7 +224,7 @@ class Actor {
     this.shadow = shadowOf(this.model, sun);
     this.parts = [this.way, this.shadow, this.model, this.plumb, this.dot];
     if (flight.envelope) this.parts.push(envelopeOf(flight));
-    const hidden = () => !this.model.visible || (flight.number === 0 && this.close);
+    const hidden = () => !this.model.visible || this.nameless || (flight.number === 0 && this.close);
     const extent = () => extremitiesOf(flight.aircraft.span * this.scale).map((point) => point.applyQuaternion(this.model.quaternion).add(this.model.position));
     this.tag = { text: named ? flight.label : "", place: this.model.position, kind: "tag", colour: flight.colour, hidden, extent };
     this.scale = 1;
@@ -234,12 +239,13 @@ class Actor {
   }
 
   show(scene, view, width, height) {
-    for (const part of this.parts) part.visible = this.flight.visible && (view.shows?.(this.flight) ?? true);
+    for (const part of this.parts) part.visible = this.flight.visible && (view.shows?.(this.flight, scene.clock.time) ?? true);
     const time = scene.clock.time + (view.shiftOf?.(this.flight) ?? 0);
     this.way.show(time, view, width, height);
     this.flight.position(time, this.model.position);
     this.flight.attitude(time, this.model.quaternion);
     this.close = view.seat || view.name === "chase";
+    this.nameless = view.name === RESULT; // where names of gates are wanted
     this.inside = view.seat === true && this.flight.number === 0;
     this.scale = this.inside ? 1 : scene.enlarged;
     this.model.scale.setScalar(this.size * this.scale);

@@ -58,11 +58,11 @@ export function indexBefore(numbers, value) {
  * at which the other one is there, and from that one back, s.
  */
 export function differencesOf(differences) {
-  return differences.map(({ flight, time, difference, legs }) => {
+  return differences.map(({ flight, time, difference, legs, common }) => {
     const [times, lost] = [numbersOf(time), numbersOf(difference)];
     const others = times.map((value, i) => value + lost[i]);
     const at = (now) => interpolated(times, lost, now);
-    return { flight, legs, at, there: (now) => now + at(now), back: (then) => interpolated(others, times, then) };
+    return { flight, legs, common, at, there: (now) => now + at(now), back: (then) => interpolated(others, times, then) };
   });
 }
 
@@ -89,11 +89,35 @@ export function swingsOf(differences, flights) {
     const [lead, other] = [flights[0], flights[flight]].map((one) => [passing - 1, passing].map((number) => one.passing(number)));
     const shift = other[0].time - lead[0].time;
     const from = Math.max(lead[0].time - BEFORE, 0);
-    const to = Math.max(lead[1].time, other[1].time - shift) + BEHIND;
+    const made = Math.max(lead[1].time, other[1].time - shift);
+    const end = Math.max(flights[0].duration, flights[flight].duration - shift); // beyond which neither is known
+    const to = Math.max(Math.min(made + BEHIND, end), made);
     const seconds = Math.max(Math.min((to - from) / SLOW, LONG), to - from);
     const leg = { before: lead[0], after: lead[1] };
     return { flight, loser: lost > 0 ? flight : 0, lost: Math.abs(lost), reasons, leg, from, to, seconds, shift };
   });
+}
+
+export const SHORTEST = 2.5; // s of a shot
+const [LATEST, BRIEF] = [12, 1]; // s, that others are followed at most, and at least, for the last picture is held
+
+/**
+ * Whom television follows when the first flight has finished: `[{flight, from, to}]`, those that finish later in their order. Of
+ * finishes that come too soon after each other for a shot only the last one is followed.
+ */
+export function pursuitsOf(differences, flights) {
+  const [lead] = flights;
+  const others = differences.map(({ flight }) => flights[flight]);
+  const late = others.filter(({ raceTime, duration }) => raceTime !== null && duration > lead.duration);
+  const pursuits = [];
+  for (const flight of late.sort((a, b) => a.duration - b.duration)) {
+    const to = Math.min(flight.duration, lead.duration + LATEST);
+    const before = pursuits.at(-1);
+    let from = before?.to ?? lead.duration;
+    if (before && Math.min(to - before.to, before.to - before.from) < SHORTEST) ({ from } = pursuits.pop());
+    if (to - from >= BRIEF) pursuits.push({ flight, from, to });
+  }
+  return pursuits;
 }
 
 function interpolated(times, values, time) {
