@@ -559,7 +559,7 @@ def test_every_module_is_part_of_a_page_and_says_what_it_is_for() -> None:
 
 
 def test_no_module_writes_html_or_asks_a_network() -> None:
-    """Texts reach a page as texts; nothing is evaluated or stored, and nothing fetched but what the live graphic shows."""
+    """Texts reach a page as texts; nothing is evaluated or stored, and nothing fetched but what the live page shows."""
     forbidden = (
         r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\b|new Function"
         r"|fetch\(|XMLHttp|WebSocket|import\(|localStorage"
