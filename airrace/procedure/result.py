@@ -208,7 +208,8 @@ class Route:
         text: what it is, in words.
         race_time: of the whole race on this route, as far as a rough mesh tells unless it is an optimum, s.
         difference: to the route of the flight, on the same terms, s; negative for one that is ahead of it.
-        evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held; `OPTIMUM`.
+        evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held, "priced" if its
+            race time is a lower bound by windows between priced gates; `OPTIMUM`.
         rolls: whether it rolls from side to side on each leg on which it differs from that.
     """
 

@@ -78,6 +78,24 @@ class _Prices:
 
 
 @dataclass(frozen=True, eq=False)
+class EvaluatedWindow:
+    """A flight through a window, and a lower bound of the time of any race that goes through it like that, s.
+
+    That is the bound of all races, and by how much the priced time of the flight is above the least in its window.
+    """
+
+    window: Window
+    flight: WindowFlight
+    race_time: float
+
+    def as_solution(self, best: CoarseSolution) -> CoarseSolution:
+        """Return the window as a flight of its own, with what it does not have from the best flight."""
+        race = self.flight.race
+        problem = replace(race, phases=race.phases[slice(*self.window)])
+        return replace(best, stage_problem=self.flight.stage_problem, problem=problem, iterate=self.flight.iterate)
+
+
+@dataclass(frozen=True, eq=False)
 class _Proposal:
     """Prices, the bound if no window had other flights than those known, and what each of these has a share in it."""
 
@@ -120,6 +138,7 @@ class PriceSearch:
     Attributes:
         best: the fastest flight so far.
         faster: the flights that were the fastest when they were found, the last of them first.
+        evaluated: the flights that windows were solved to from all starts, with what they cost at the prices of then.
     """
 
     def __init__(
@@ -140,6 +159,7 @@ class PriceSearch:
         self._flights: dict[Window, list[WindowFlight]] = {}
         self._starts: dict[Window, list[WindowGuess]] = {}
         self.faster: list[CoarseSolution] = []
+        self.evaluated: list[EvaluatedWindow] = []
         self._solves, self._unsolved = 0, 0
         states, nodes = best.problem.system.states, best.problem.first_node
         self._prices = _Prices(
@@ -241,11 +261,15 @@ class PriceSearch:
         outcomes = self._solve(jobs)
         near: dict[Window, list[WindowGuess]] = {window: [] for window in cover}
         solved = dict.fromkeys(cover, 0)
+        bound = self._bound(cover, self._prices)
         for (priced, guess), flight in zip(jobs, outcomes, strict=True):
-            if flight is not None:
-                solved[priced.window] += 1
-                if priced.time_of(flight) <= self._least(priced) + PRUNED_LOSS:
-                    near[priced.window].append(guess)
+            if flight is None:
+                continue
+            solved[priced.window] += 1
+            beyond = priced.time_of(flight) - self._least(priced)
+            self.evaluated.append(EvaluatedWindow(priced.window, flight, bound + beyond))
+            if beyond <= PRUNED_LOSS:
+                near[priced.window].append(guess)
         self._starts = {window: near[window] or self._starts[window] for window in cover}
         return solved
 

@@ -26,7 +26,7 @@ from airrace.procedure.multistart.coarse_solution import (
     solve_coarse,
     solve_finer,
 )
-from airrace.procedure.multistart.lower_bound import PriceSearch
+from airrace.procedure.multistart.lower_bound import EvaluatedWindow, PriceSearch
 from airrace.procedure.multistart.plans import own_plans
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search, SearchBudget, SearchResult, planned_starts
 from airrace.procedure.multistart.segments import (
@@ -34,6 +34,7 @@ from airrace.procedure.multistart.segments import (
     describe_route,
     describe_segments,
     differing,
+    inside_window,
     same_route,
     segment_name,
     segments_of,
@@ -115,12 +116,13 @@ def search_routes(
             report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
         compared = _distinct(_refine(pool, session, fastest), course)
         compared = _distinct(_with_best_rolls(search, compared), course)
-        result, bound = search.result(), None
+        result, bound, windows = search.result(), None, list[EvaluatedWindow]()
         if gap is not None and compared and math.isfinite(compared[0].race_time):
             plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
             flights = _distinct(result.flights, course, PRICED_FLIGHTS_MAX)
             prices = PriceSearch(compared[0], [*flights, *plans], course, session.settings.mesh, pool, report_progress)
             bound = prices.run(gap)
+            windows = prices.evaluated
             faster = _refine(pool, session, prices.faster)
             compared = _distinct(sorted([*faster, *compared], key=lambda flight: flight.race_time), course)
     seconds = time.perf_counter() - began
@@ -129,7 +131,7 @@ def search_routes(
         if not compared:
             return SearchReport((), 0, 0, result.failed, seconds, ())
         pace = budget.planning_radius.scale(stage_problem.plan.cruise)
-        return replace(_report(result, compared[number], course, pace, seconds), bound=bound)
+        return replace(_report(result, compared[number], course, pace, seconds, windows), bound=bound)
 
     barrier = InitialBarrier.COARSE
     routes = tuple(
@@ -180,9 +182,17 @@ def _with_best_rolls(search: Search, compared: list[CoarseSolution]) -> list[Coa
 
 
 def _report(
-    result: SearchResult, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float
+    result: SearchResult,
+    best: CoarseSolution,
+    course: Course,
+    pace: PlanningModel,
+    seconds: float,
+    windows: Sequence[EvaluatedWindow] = (),
 ) -> SearchReport:
-    """Return the report on a search; the flight that was checked comes first."""
+    """Return the report on a search; the flight that was checked comes first.
+
+    Of priced windows it has the routes that are pruned: through these no race is as fast.
+    """
     segments, converged, routes = segments_of(course), 0, list[Route]()
     for flight in result.flights:
         if different := differing(best, flight, segments):
@@ -192,14 +202,13 @@ def _report(
         else:
             converged += 1
     for move in result.moves:
-        window = move.as_solution
-        apart = [pair for pair in move.inside(segments) if not same_route(window, pair[0], best, pair[1])]
-        if apart:
-            shapes = [shape_of(window, inside) for inside, _ in apart]
-            places = [segment_name(course, place) for _, place in apart]
-            text = "; ".join(f"{place}: {shape.describe()}" for place, shape in zip(places, shapes, strict=True))
-            race_time, rolls = move.move.base.race_time - move.saved, all(shape.rolls for shape in shapes)
-            routes.append(Route(text, race_time, race_time - best.race_time, "window", rolls))
+        window, race_time = move.as_solution, move.move.base.race_time - move.saved
+        routes += _window_routes(best, window, move.inside(segments), course, race_time, "window")
+    for evaluated in windows:
+        if evaluated.race_time <= best.race_time:
+            continue
+        window, inside = evaluated.as_solution(best), inside_window(segments, *evaluated.window)
+        routes += _window_routes(best, window, inside, course, evaluated.race_time, "priced")
     # Of those with the same words the fastest is reported, and a flight optimised jointly before a window.
     unique = {
         route.text: route
@@ -210,6 +219,25 @@ def _report(
     loops = tuple(_needless_loops(best, course, pace, segments))
     reported = (first, *ranked[: ROUTES_MAX - 1])
     return SearchReport(reported, converged, len(result.flights) - converged, result.failed, seconds, loops)
+
+
+def _window_routes(
+    best: CoarseSolution,
+    window: CoarseSolution,
+    inside: Sequence[tuple[Segment, Segment]],
+    course: Course,
+    race_time: float,
+    evaluated_by: str,
+) -> list[Route]:
+    """Return the route through a window, if it is another one; segments are numbered there and in the race."""
+    apart = [pair for pair in inside if not same_route(window, pair[0], best, pair[1])]
+    if not apart:
+        return []
+    shapes = [shape_of(window, within) for within, _ in apart]
+    places = [segment_name(course, place) for _, place in apart]
+    text = "; ".join(f"{place}: {shape.describe()}" for place, shape in zip(places, shapes, strict=True))
+    rolls = all(shape.rolls for shape in shapes)
+    return [Route(text, race_time, race_time - best.race_time, evaluated_by, rolls)]
 
 
 def _needless_loops(

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -126,6 +126,12 @@ def neighbours(segments: Iterable[Segment]) -> list[list[Segment]]:
         else:
             groups.append([segment])
     return groups
+
+
+def inside_window(segments: Sequence[Segment], first: int, last: int) -> list[tuple[Segment, Segment]]:
+    """Return the segments within the phases `first ... last - 1`, as they are numbered there and in the race."""
+    within = [segment for segment in segments if first <= segment.first and segment.last <= last]
+    return [(replace(segment, first=segment.first - first, last=segment.last - first), segment) for segment in within]
 
 
 def same_route(first: CoarseSolution, segment: Segment, second: CoarseSolution, counterpart: Segment) -> bool:

@@ -24,7 +24,7 @@ from airrace.procedure.multistart.coarse_solution import (
     solve_coarse,
     try_solve,
 )
-from airrace.procedure.multistart.segments import Segment
+from airrace.procedure.multistart.segments import Segment, inside_window
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 
@@ -99,11 +99,7 @@ class EvaluatedMove:
 
     def inside(self, segments: Sequence[Segment]) -> list[tuple[Segment, Segment]]:
         """Return the segments that lie in the window, as they are numbered in it and in the race."""
-        first, last = self.move.first, self.move.last
-        within = [segment for segment in segments if first <= segment.first and segment.last <= last]
-        return [
-            (replace(segment, first=segment.first - first, last=segment.last - first), segment) for segment in within
-        ]
+        return inside_window(segments, self.move.first, self.move.last)
 
 
 def evaluate(service: SolverService, move: Move) -> EvaluatedMove | None:

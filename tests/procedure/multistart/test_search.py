@@ -274,6 +274,9 @@ def test_thorough_search_is_no_slower_than_a_quick_one(race: Race) -> None:
     result = optimum(race, thorough)
     assert seconds(result) <= seconds(optimum(race)) + SAME
     assert result.search.bound is not None
+    priced = [route for route in result.search.routes if route.evaluated_by == "priced"]
+    assert all(route.difference > 0.0 for route in priced)
+    assert priced or race is not SLALOM
     assert result.search.bound.gap < thorough.gap
     assert optimum(race).search.bound is None
 
