@@ -345,7 +345,7 @@ def test_losses_spread_over_all_legs_are_told_so_and_their_common_cause_once(cir
     )
     legs = len(rovinj().course.passages) - 1
     assert lines == [
-        f"slow loses a little on {legs} of {legs} legs, most on these",
+        f"slow loses a little on {legs} of {legs} legs; the largest losses",
         "slow, on every leg: aircraft with more drag",
     ]
     losses = [lost for lost, _, is_leg in told if is_leg]
