@@ -156,7 +156,7 @@ class PriceSearch:
         self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
         counts = [len(phase) for phase in best.problem.mesh]
         self._others = [RaceGuess.of(finer_guess(other, mesh, counts)) for other in others]
-        self._flights: dict[Window, list[WindowFlight]] = {}
+        self._flights: dict[Window, list[WindowFlight]] = {}  # the best flight's piece first
         self._starts: dict[Window, list[WindowGuess]] = {}
         self.faster: list[CoarseSolution] = []
         self.evaluated: list[EvaluatedWindow] = []
@@ -360,7 +360,7 @@ class PriceSearch:
 
     def _fly_faster(self, cover: Sequence[Window]) -> bool:
         """Join the flights that the prices would combine and solve them as a whole; return whether one is faster."""
-        shares = self._propose(cover, RADIUS_MAX).shares
+        shares = self._propose(cover, RADIUS_MAX).shares  # of known flights, little held back by the prices of now
         own = [self._flights[window][0] for window in cover]
         combinations = [[self._flights[window][int(np.argmax(shares[window]))] for window in cover]]
         for number, window in enumerate(cover):
