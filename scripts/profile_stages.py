@@ -22,7 +22,7 @@ import os
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -166,7 +166,8 @@ def watch(clocks: Clocks) -> None:
             stages = [one for one in arguments if isinstance(one, Stage)]
             clocks.enter((stages or [STAGE_OF[function.__name__]])[0].value)
             try:
-                return function(models, session, *arguments, **named)
+                solved = function(models, session, *arguments, **named)
+                return list(solved) if isinstance(solved, Iterator) else solved
             finally:
                 clocks.enter(BETWEEN)
 

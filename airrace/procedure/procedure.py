@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from airrace.model.dynamics import handling
 from airrace.optimal_control.native.library import MISSING, library_path
@@ -104,8 +104,10 @@ def optimize(
 ) -> Iterator[StageResult]:
     """Run the stages up to `until` that are not in `finished`; yield each result as it is finished.
 
-    A stage that fails is yielded, too, and is the last. Finished stages that were solved on one mesh, and whose mesh is
-    to be checked, are yielded first, each as soon as its check has succeeded or failed.
+    A stage that fails is yielded, too, and is the last. The point mass of a thorough search is yielded several times,
+    each in place of the one before: ahead of the prices, and after every round of them. Finished stages that were
+    solved on one mesh, and whose mesh is to be checked, are yielded first, each as soon as its check has succeeded or
+    failed.
 
     Args:
         race: the course, the aircraft and the air.
@@ -119,7 +121,7 @@ def optimize(
             where stages are finished.
         start_name: what users call that other run.
         timeout: the longest wall time of all stages together, s; None for none. No result depends on it: what is not
-            finished by then is not there.
+            finished by then is not there, and a bound that prices would still have changed says so.
         progress: who watches.
 
     Raises:
@@ -222,19 +224,20 @@ def _solve_stages(
         strategy = mesh_strategy(session.settings, stage, last)
         if fidelity_of(stage).is_guess:
             first_solutions = solve_homotopy_and_plans(models, session, searches=last is not stage)
-            result = first_solutions.homotopy.result
+            results = iter([first_solutions.homotopy.result])
         elif stage is Stage.POINT_MASS:
-            result = solve_point_mass(models, session, strategy, first_solutions)
+            results = solve_point_mass(models, session, strategy, first_solutions)
         else:
-            result = solve_stage_above(models, session, strategy, stage, done)
-        done[stage] = result
-        result, remark = _with_note(result, remark), ""
-        if result.outcome is Status.SOLVED:
-            for following in stages[number + 1 : number + 2]:  # while the result is stored and flown along
-                models.preload(following, session.service, _pylon_conditions(done))
-        yield result
-        if result.outcome is not Status.SOLVED:
+            results = iter([solve_stage_above(models, session, strategy, stage, done)])
+        for result in results:
+            done[stage] = result
+            if result.outcome is Status.SOLVED and not result.search.goes_on:
+                for following in stages[number + 1 : number + 2]:  # while the result is stored and flown along
+                    models.preload(following, session.service, _pylon_conditions(done))
+            yield _with_note(result, remark)
+        if done[stage].outcome is not Status.SOLVED:
             return
+        remark = ""
 
 
 # Search and point mass
@@ -242,8 +245,10 @@ def _solve_stages(
 
 def solve_point_mass(
     models: StageModels, session: SolverSession, strategy: MeshStrategy, first_solutions: FirstSolutions | None
-) -> StageResult:
-    """Return the point mass's optimum, with alternatives; where there is none, what stands in the way.
+) -> Iterator[StageResult]:
+    """Yield the point mass's optimum, with alternatives; where there is none, what stands in the way.
+
+    A thorough search yields it before its prices and after every round of them: what is stored by then is not lost.
 
     Args:
         models: of the race.
@@ -252,8 +257,8 @@ def solve_point_mass(
         first_solutions: the homotopy; None where the plan is the guess.
     """
     relaxed = relaxed_race(models, session) if first_solutions is None else first_solutions.relaxed
-    result = _search_and_solve(models, session, strategy, first_solutions, relaxed)
-    return diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
+    for result in _search_and_solve(models, session, strategy, first_solutions, relaxed):
+        yield diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
 
 
 def _search_and_solve(
@@ -262,8 +267,11 @@ def _search_and_solve(
     strategy: MeshStrategy,
     first_solutions: FirstSolutions | None,
     relaxed: RelaxedRace,
-) -> StageResult:
-    """Solve from what the search found, then from the homotopy and the plan, the one that the user prefers first."""
+) -> Iterator[StageResult]:
+    """Solve from what the search found, then from the homotopy and the plan, the one that the user prefers first.
+
+    Where there is a flight, those that prices lead to are solved as they are found.
+    """
     settings = session.settings
 
     @functools.cache
@@ -277,7 +285,8 @@ def _search_and_solve(
     locally_infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
     plans_fail = first_solutions is None or not any(first_solutions.plans or ())
     if settings.search is SearchEffort.OFF or (locally_infeasible and plans_fail and replanned is None):
-        return solve_from_starts(session, starts, strategy)
+        yield solve_from_starts(session, starts, strategy)
+        return
 
     search = functools.partial(
         search_routes,
@@ -304,21 +313,52 @@ def _search_and_solve(
         if any(_is_as_fast_as_expected(result, best) for result in results):
             break
         results.append(job(session))
+    numbers = list(range(len(results)))
     if without_search is not None:
         results.append(without_search)
     elif not any(result.holds for result in results):
         results.append(solve_from_starts(session, starts, strategy))
 
-    known_routes, fastest_route = len(results), index_of(fastest_of(results), results)
+    numbers += [0] * (len(results) - len(numbers))  # whatever was started from no route is compared with the first
+
+    choice = _choose_route(models, session, results, numbers)
+    report = routes.search_report(choice.route)
+    _warn_of_search(choice.result, report, best)
+    if not choice.result.is_flight:  # what could be faster than that?
+        yield replace(_with_log(choice.result, session), search=replace(report, bound=None))
+        return
+    yield replace(_with_log(choice.result, session), search=report)
+    known = len(routes.starts)
+    for priced in routes.by_prices:
+        if len(priced.starts) > known:
+            known = len(priced.starts)
+            faster = _solve_from(priced.starts[-1], strategy, session)
+            if faster.holds:
+                choice = _choose_route(models, session, [*choice.results, faster], [*choice.numbers, known - 1])
+            _warn_of_search(choice.result, priced.search_report(choice.route), priced.search_report(known - 1))
+        yield replace(_with_log(choice.result, session), search=priced.search_report(choice.route))
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """The result that is chosen, the number of its route, and all results, with those of theirs."""
+
+    result: StageResult
+    route: int
+    results: list[StageResult]
+    numbers: list[int]
+
+
+def _choose_route(
+    models: StageModels, session: SolverSession, results: Sequence[StageResult], numbers: Sequence[int]
+) -> _Choice:
+    """Return the result that is chosen of those on routes of some numbers, also past pylons on their other sides."""
+    fastest_route = numbers[index_of(fastest_of(results), results)]
     results = with_other_sides(models, results, session)
+    numbers = [*numbers, *[fastest_route] * (len(results) - len(numbers))]
     results = resolve_near_ties(models, results, session)
-    result = choose_and_carry(models, results, settings)
-    route = index_of(result, results)
-    if route >= known_routes:  # past a pylon on its other side, on the route of the fastest before
-        route = fastest_route
-    report = routes.search_report(route) if route < len(routes.starts) else best
-    _warn_of_search(result, report, best)
-    return replace(_with_log(result, session), search=report)
+    result = choose_and_carry(models, results, session.settings)
+    return _Choice(result, numbers[index_of(result, results)], results, numbers)
 
 
 def _search_starts(

@@ -249,7 +249,9 @@ class LowerBound:
             tried at the final prices.
         solves: number of all solves of windows and of joined flights.
         unsolved: number of those that led to no flight.
-        windows: end to end, they make up the race.
+        windows: end to end, they make up the race; none as long as not all of them have been solved from all starts.
+        stopped: whether the search was stopped before its end. The bound is that of the last round in which all windows
+            were solved from all starts, or 0 if there was none.
     """
 
     seconds: float
@@ -259,6 +261,7 @@ class LowerBound:
     solves: int
     unsolved: int
     windows: tuple[BoundedWindow, ...]
+    stopped: bool = False
 
     @property
     def gap(self) -> float:
@@ -287,6 +290,11 @@ class SearchReport:
     seconds: float = 0.0
     loops: tuple[str, ...] = ()
     bound: LowerBound | None = field(default=None, metadata={"counts": "where set"})  # older records have none
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a lower bound is still being sought, or was when the search was stopped."""
+        return self.bound is not None and self.bound.stopped
 
     @property
     def refined(self) -> bool:

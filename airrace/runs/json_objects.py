@@ -142,6 +142,7 @@ def bound_object(bound: LowerBound) -> dict[str, object]:
         "starts": bound.starts,
         "solves": bound.solves,
         "unsolved": bound.unsolved,
+        "stopped": bound.stopped,
         "windows": [
             {"text": window.text, "legs": window.legs, "slack_s": finite(window.slack), "solved": window.solved}
             for window in bound.windows

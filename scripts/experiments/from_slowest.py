@@ -47,7 +47,7 @@ def main() -> None:
                 lambda service, flight: solve_finer(service, flight, mesh),
             )
             search = PriceSearch(slowest, [*own_plans(point_mass), *plans], course, mesh, pool, lambda _: None)
-            bound = search.run(chosen.gap)
+            *_, bound = search.rounds(chosen.gap)
         times = [flight.race_time for flight in (slowest, fastest, best, search.best)]
         cells = [Path(name).stem, *(f"{seconds:.3f}" for seconds in times), f"{100 * bound.gap:.2f}"]
         print(f"| {' | '.join(cells)} |", flush=True)

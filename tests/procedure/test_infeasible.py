@@ -347,7 +347,7 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
         first_solutions = solve_homotopy_and_plans(models, used, searches=True)
         assert first_solutions.homotopy.result.outcome is Status.SOLVED
         used.reset_log()
-    result = solve_point_mass(models, used, solve_certified, first_solutions)
+    *_, result = solve_point_mass(models, used, solve_certified, first_solutions)
     assert result.outcome is Status.INFEASIBLE
     assert result.stage is Stage.POINT_MASS
     first = result.trajectory.phases[0]
@@ -363,7 +363,7 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
 def test_derivatives_of_all_that_is_solved_for_a_diagnosis_are_on_record() -> None:
     chosen = settings(GuessKind.PLAN)
     used = SolverSession(Canned("stuck"), chosen, Silent())
-    result = solve_point_mass(models_of(SMALL, chosen), used, solve_certified, None)
+    *_, result = solve_point_mass(models_of(SMALL, chosen), used, solve_certified, None)
     assert not result.is_flight
     assert len(result.attempts) == len(asked(used))
     assert result.timings.derivatives == pytest.approx(0.25 * len(result.attempts))  # s, see `Canned`
@@ -390,7 +390,7 @@ def test_a_homotopy_with_phases_that_fail_asks_for_conflicts_whether_or_not_it_w
         relaxed = RelaxedRace(SMALL, models.problem(Stage.POINT_MASS), chosen.mesh)
         first_solutions = FirstSolutions(HomotopyOutcome(pieces), relaxed)
     used.reset_log()
-    result = solve_point_mass(models, used, solve_certified, first_solutions)
+    *_, result = solve_point_mass(models, used, solve_certified, first_solutions)
     assert result.outcome is Status.INFEASIBLE
     assert not [one.purpose for one in result.attempts if one.purpose.startswith("all ")]
 

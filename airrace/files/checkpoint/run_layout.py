@@ -196,7 +196,8 @@ def validate_result(result: StageResult, path: str) -> StageResult:
     if (bound := result.search.bound) is not None:
         numbers = [bound.race_time, *(window.slack for window in bound.windows)]
         finite = all(math.isfinite(number) for number in numbers)
-        if not (finite and bound.windows and bound.race_time > 0.0 and 0.0 <= bound.seconds <= bound.race_time):
+        is_bounded = bool(bound.windows) or (bound.stopped and bound.seconds == 0.0)
+        if not (finite and is_bounded and bound.race_time > 0.0 and 0.0 <= bound.seconds <= bound.race_time):
             raise CheckpointError(f"{path}/search/bound: no lower bound of a race time")
     if not result.is_flight:
         return result

@@ -23,7 +23,8 @@ def outcome_line(result: StageResult) -> str:
     certified = _VERDICTS.get(result.status, "NOT certified")
     verdict = certified if result.outcome is Status.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
     race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.has_race_time else ""
-    return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
+    goes_on = "; the search goes on by prices" if result.search.goes_on else ""
+    return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}{goes_on}"
 
 
 class PlainLines(Progress):

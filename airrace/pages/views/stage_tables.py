@@ -264,6 +264,8 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
 
 def bound_text(bound: LowerBound) -> str:
     """Return the sentence on how much faster a flight could be, and which windows hold it open."""
+    if not bound.windows:
+        return "the search by prices was stopped before it had a bound: how much faster a flight could be is not known"
     faster = bound.race_time * bound.gap
     text = (
         f"no flight is more than {100.0 * bound.gap:.2f} % ({faster:.2f} s) faster, as far as windows of up to "
@@ -274,6 +276,8 @@ def bound_text(bound: LowerBound) -> str:
         text += f"; {widest.slack:.2f} s of it on {widest.text}"
     if unsolved := [window.text for window in bound.windows if not window.solved]:
         text += f"; no start led to a flight at the final prices on {', '.join(unsolved)}"
+    if bound.stopped:
+        text += "; the search by prices was stopped before its end"
     return text
 
 

@@ -12,7 +12,7 @@ them leads to is not in it.
 """
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -172,30 +172,36 @@ class PriceSearch:
         )
         self._take(best)
 
-    def run(self, gap: float) -> LowerBound:
-        """Raise the bound until it is within a gap of the race time (1), or rises no more; return it.
+    def rounds(self, gap: float) -> Iterator[LowerBound]:
+        """Raise the bound until it is within a gap of the race time (1), or rises no more; yield it after every round.
 
-        `best` is a faster flight then, if there is any among the flights that the windows lead to.
+        A round ends when all windows have been solved from all starts. Whoever asks for no further one has stopped the
+        search: all bounds but the last say so. `best` is a faster flight then, if there is any among the flights that
+        the windows lead to.
         """
-        cover, solved = self._choose_cover(), dict[Window, int]()
+        cover = self._choose_cover()
         for window in cover:
             self._starts[window] = [race.within(window) for race in self._others]
         self._add_starts(cover)
         starts = min(len(guesses) for guesses in self._starts.values())
         radius, previous = RADIUS, -np.inf
-        for _ in range(ROUNDS_MAX):
+        for left in reversed(range(ROUNDS_MAX)):
             radius = self._ascend(cover, radius)
             solved = self._solve_from_all(cover)
             bound = self._bound(cover, self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
-            if self._fly_faster(cover):
+            is_faster = self._fly_faster(cover)
+            is_near = bound >= (1.0 - gap) * self.best.race_time
+            is_settled = is_near or bound < previous + SETTLED * self.best.race_time
+            is_last = left == 0 or (is_settled and not is_faster)
+            yield self._result(cover, solved, starts, stopped=not is_last)
+            if is_last:
+                return
+            if is_faster:
                 self._add_starts(cover)
                 previous = -np.inf
-                continue
-            if bound >= (1.0 - gap) * self.best.race_time or bound < previous + SETTLED * self.best.race_time:
-                break
-            previous, radius = bound, max(radius, RADIUS)
-        return self._result(cover, solved, starts)
+            else:
+                previous, radius = bound, max(radius, RADIUS)
 
     # the flights of the windows
 
@@ -389,7 +395,7 @@ class PriceSearch:
         planned = replace(base, plan=plan(self._course, base.plan.cruise, decisions))
         return solve_coarse(service, InitialGuess(planned, mesh, guess, InitialBarrier.COARSE))
 
-    def _result(self, cover: Sequence[Window], solved: dict[Window, int], starts: int) -> LowerBound:
+    def _result(self, cover: Sequence[Window], solved: dict[Window, int], starts: int, *, stopped: bool) -> LowerBound:
         names = [passage.name for passage in self._course.passages]
         windows: list[BoundedWindow] = []
         for first, last in cover:
@@ -399,7 +405,7 @@ class PriceSearch:
             windows.append(BoundedWindow(f"{names[first]} -> {names[last]}", legs, slack, solved[first, last]))
         bound = min(max(self._bound(cover, self._prices), 0.0), self.best.race_time)
         counts = LEGS_MAX, starts, self._solves, self._unsolved
-        return LowerBound(bound, self.best.race_time, *counts, tuple(windows))
+        return LowerBound(bound, self.best.race_time, *counts, tuple(windows), stopped)
 
 
 def _solve_window(service: SolverService, job: tuple[PricedWindow, WindowGuess]) -> WindowFlight | None:

@@ -194,7 +194,7 @@ def first_stage(
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
     monkeypatch.setattr(first_solutions, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
     with open_session(chosen) as session:
-        result = solve_point_mass(models_of(SMALL, chosen, Stage.HOMOTOPY), session, solve_certified, None)
+        *_, result = solve_point_mass(models_of(SMALL, chosen, Stage.HOMOTOPY), session, solve_certified, None)
     assert answers.verdicts == []
     return result, answers.asked, list(starts)
 
@@ -237,7 +237,7 @@ def test_routes_are_compared_with_the_certified_one(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(procedure, "solve_from_starts", Answers(taking(9.0, certified=False), taking(9.05)))
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: FoundRoutes(starts, told.__getitem__))
     with open_session(QUICK) as session:
-        result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
+        *_, result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
     assert result.search.routes[0].text == "second"
 
 
@@ -285,7 +285,7 @@ def close_together(
     monkeypatch.setattr(first_solutions, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
     monkeypatch.setattr(mesh_check, "solve_on_second_mesh", answered)
     with open_session(two) as session:
-        result = solve_point_mass(models_of(SMALL, two, Stage.HOMOTOPY), session, real_single_mesh, None)
+        *_, result = solve_point_mass(models_of(SMALL, two, Stage.HOMOTOPY), session, real_single_mesh, None)
     return result, asked
 
 

@@ -105,7 +105,7 @@ def test_prices_cancel_in_a_flight_of_the_whole_race() -> None:
 def test_no_start_is_below_the_bound() -> None:
     starts = planned_starts(prepared(SLALOM), SLALOM.course, QUICK)
     with price_search(SLALOM, others=starts) as (search, pool):
-        bound = search.run(0.01)
+        *_, bound = search.rounds(0.01)
         flights = pool.work(starts, solve_coarse)
     assert search.best.race_time < planned_coarse_solution(SLALOM).race_time - 5.0  # it rounded its pylon backwards
     assert bound.race_time == search.best.race_time
@@ -121,7 +121,7 @@ def test_best_route_is_found_from_the_worst_by_prices_alone() -> None:
         flights = pool.work(planned_starts(prepared(race), race.course, QUICK), solve_coarse)
     times = {flight.race_time: flight for flight in flights if flight is not None}
     with price_search(race, times[max(times)]) as (search, _):
-        bound = search.run(0.01)
+        *_, bound = search.rounds(0.01)
     assert search.best.race_time <= min(times) + SAVED_MIN
     assert bound.gap < 0.01
 
@@ -131,7 +131,7 @@ def test_mirrored_course_has_the_mirrored_bound() -> None:
     bounds: list[LowerBound] = []
     for race in (SLALOM, mirrored(SLALOM)):
         with price_search(race) as (search, _):
-            bounds.append(search.run(0.01))
+            bounds += list(search.rounds(0.01))[-1:]
     first, second = bounds
     assert first.race_time == pytest.approx(second.race_time, abs=1e-3)
     assert first.seconds == pytest.approx(second.seconds, abs=0.01 * first.race_time)
@@ -145,7 +145,7 @@ def test_window_without_a_flight_is_taken_only_where_there_is_no_other(monkeypat
 
     monkeypatch.setattr(PricedWindow, "solve", solve_single_legs)
     with price_search(SLALOM) as (search, _):
-        bound = search.run(1.0)
+        *_, bound = search.rounds(1.0)
     assert [window.legs for window in bound.windows] == [1, 1, 1]
 
 
@@ -161,7 +161,7 @@ def test_starts_that_all_fail_are_tried_at_other_prices(monkeypatch: pytest.Monk
     monkeypatch.setattr(PricedWindow, "solve", fail_on_the_first_leg)
     monkeypatch.setattr(lower_bound, "LEGS_MAX", 1)
     with price_search(SLALOM) as (search, _):
-        search.run(0.0)
+        list(search.rounds(0.0))
     plan = next(guess for guess in tried if guess.barrier is InitialBarrier.COLD)
     assert sum(guess is plan for guess in tried) > 1
 
@@ -169,7 +169,7 @@ def test_starts_that_all_fail_are_tried_at_other_prices(monkeypatch: pytest.Monk
 def test_prices_stay_where_the_linear_program_has_no_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lower_bound, "_linear_program", lambda *_: None)
     with price_search(SLALOM) as (search, _):
-        bound = search.run(1.0)
+        *_, bound = search.rounds(1.0)
     assert 0.0 < bound.seconds <= bound.race_time == search.best.race_time
     joined = len(bound.windows) + 1
     assert bound.solves <= 6 + ROUNDS_MAX * (len(bound.windows) * bound.starts + joined)  # of 6 windows some are taken
@@ -189,7 +189,7 @@ def test_windows_are_solved_on_the_mesh_of_the_comparison_from_every_start(monke
     with open_session(OFF) as session:
         fine = solve_finer(session.service, planned_coarse_solution(SLALOM), OFF.mesh)
     with price_search(SLALOM, fine, planned_starts(prepared(SLALOM), SLALOM.course, QUICK)) as (search, _):
-        bound = search.run(0.01)
+        *_, bound = search.rounds(0.01)
     assert bound.unsolved == bound.solves == len(jobs)
     assert bound.starts > 10
     for priced, guess in jobs:
@@ -216,7 +216,7 @@ def test_plan_without_ties_is_one_start() -> None:
 
 def test_race_of_one_leg_is_one_window_whose_bound_is_its_optimum() -> None:
     with price_search(ONE_LEG) as (search, _):
-        bound = search.run(0.01)
+        *_, bound = search.rounds(0.01)
     assert [window.text for window in bound.windows] == ["first -> last"]
     assert bound.seconds == pytest.approx(planned_coarse_solution(ONE_LEG).race_time, abs=1e-3)
 
@@ -228,7 +228,7 @@ def test_flight_that_is_hardly_lower_lowers_the_bound(monkeypatch: pytest.Monkey
     best = planned_coarse_solution(ONE_LEG)
     monkeypatch.setattr(PricedWindow, "solve", solve_to_half_a_millisecond_less)
     with price_search(ONE_LEG) as (search, _):
-        assert search.run(0.01).seconds == pytest.approx(best.race_time - 5e-4, abs=1e-9)
+        assert list(search.rounds(0.01))[-1].seconds == pytest.approx(best.race_time - 5e-4, abs=1e-9)
 
 
 def test_sentence_tells_the_gap_its_caveat_and_the_widest_window() -> None:

@@ -198,7 +198,7 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
 
     monkeypatch.setattr(procedure, "search_routes", looped)
     with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
-        result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
+        *_, result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
     assert result.search.loops == (loop,)
     assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
 
