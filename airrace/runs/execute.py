@@ -268,7 +268,7 @@ def record_end(
         interrupts.acknowledge()
         command_result.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
     try:
-        summarise(command_result, execution)
+        summarise(command_result, execution, stopped=stopped)
     except Exception:
         if stopped:
             raise
@@ -277,11 +277,14 @@ def record_end(
         raise error
 
 
-def summarise(command_result: CommandResult, execution: Execution) -> None:
-    """Fill in the object, and fail the result unless the last stage is certified and all optima before it hold."""
+def summarise(command_result: CommandResult, execution: Execution, *, stopped: bool = False) -> None:
+    """Fill in the object, and fail the result unless the last stage is certified and all optima before it hold.
+
+    Of a run that was stopped the last stage need not be certified.
+    """
     plan, run, results, reserve = execution.plan, execution.run, execution.results, execution.reserve
     command_result.fields.update(run_object(plan.run.name, results, execution.wall, certified=is_certified(results)))
-    code, sentence = verdict(results)
+    code, sentence = verdict(results, stopped=stopped)
     if code is not ExitCode.DONE:
         command_result.fail(code, sentence)
     command_result.fields["stages"] = stages_object(run, results)

@@ -15,9 +15,12 @@ _CODES = {
 }
 
 
-def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
-    """Return how stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
-    codes = _codes(results)
+def verdict(results: Sequence[StageResult], *, stopped: bool = False) -> tuple[ExitCode, str]:
+    """Return how stages end a run: the gravest of their codes, and the sentence of the first stage that has it.
+
+    Of a run that was stopped none is the last.
+    """
+    codes = _codes(results, stopped=stopped)
     code = worst(codes)
     if code is ExitCode.DONE:
         return code, ""
@@ -54,8 +57,8 @@ def one_mesh_note(result: StageResult) -> str:
     return result.remarks or "it is solved, but its race time was not confirmed on a second mesh"
 
 
-def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
-    return [_code(result, last=result is results[-1]) for result in results]
+def _codes(results: Sequence[StageResult], *, stopped: bool = False) -> list[ExitCode]:
+    return [_code(result, last=result is results[-1] and not stopped) for result in results]
 
 
 def _code(result: StageResult, *, last: bool) -> ExitCode:

@@ -97,6 +97,13 @@ def test_each_failure_has_its_code_and_keeps_the_finished_stages(airrace: Shell,
     assert ran.err.splitlines()[-1] == f"airrace: {ran.answer['error']}"
 
 
+def test_a_run_that_is_out_of_time_says_how_to_go_on_though_its_last_stage_is_a_guess(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK, "--timeout", "30", "--json", scenario="out of time")
+    how = "go on with `airrace resume rovinj_2014.h5` (finished: homotopy)"
+    assert (ran.code, ran.answer["error"]) == (6, f"stopped after 30 s (--timeout); {how}")
+    assert ran.answer["certified"] is False
+
+
 def test_an_existing_output_is_refused_before_the_track_is_even_read(airrace: Shell) -> None:
     output = airrace.folder / "run.h5"
     output.write_text("precious")

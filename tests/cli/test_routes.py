@@ -17,6 +17,7 @@ import airrace
 from airrace.cli import run_screen
 from airrace.cli.printed_result import render
 from airrace.cli.run_tables import ROUTES_MAX
+from airrace.errors import OutOfTime
 from airrace.files.checkpoint import read_checkpoint
 from airrace.files.inputs import load_inputs
 from airrace.flights.results import Flight
@@ -110,6 +111,36 @@ def test_gap_is_told_stored_and_in_the_object(folder: Path, monkeypatch: pytest.
     assert bound["windows"] == [{"text": "1:g1 -> 1:g4", "legs": 3, "slack_s": 0.1, "solved": 15}]
     assert bound["gap"] == pytest.approx(0.01)
     assert bound["text"].startswith(GAP)
+
+
+def test_search_that_was_stopped_says_so_on_the_screen_and_in_the_object(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a point mass that is finished several times the last one is kept."""
+
+    def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
+        for result in fake_optimizer.optimize(*arguments, **named):
+            if result.stage is Stage.HOMOTOPY:
+                yield result
+                continue
+            for bound in (replace(BOUND, seconds=0.0, windows=(), stopped=True), replace(BOUND, stopped=True)):
+                yield replace(result, search=replace(explored(), bound=bound))
+            raise OutOfTime
+
+    monkeypatch.setattr(procedure, "optimize", optimize)
+    ran = run("optimize", TRACK, "--timeout", "30")
+    assert ran.code == 6
+    assert "airrace resume rovinj_2014.h5" in ran.err
+    assert ran.err.count("; the search goes on by prices\n") == 2
+    text = " ".join(ran.out.split())
+    assert GAP in text
+    assert "the search by prices was stopped before its end" in text
+    homotopy, point_mass = run("show", "rovinj_2014.h5", "--json").answer["stages"]
+    assert homotopy["stage"] == "homotopy"
+    assert point_mass["search"]["bound"]["stopped"] is True
+    assert [step["action"] for step in run("resume", "rovinj_2014.h5", "-n", "--json").answer["steps"]][:2] == [
+        "keep"
+    ] * 2
 
 
 @pytest.mark.parametrize(

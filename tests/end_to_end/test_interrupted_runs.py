@@ -130,6 +130,17 @@ def test_run_stopped_while_it_explores_ends_at_once_with_all_its_solvers(
 
 
 @linux_only
+def test_run_stopped_by_its_prices_keeps_the_flight_of_the_quick_search(tmp_path: Path) -> None:
+    thorough = (*EXPLORING, "--search", "thorough")
+    code, out, started = interrupted(tmp_path, "windows between gates", signal.SIGINT, how=thorough)
+    assert (code, Ran(code, out, "").stages) == (130, ["point-mass"])
+    wait_until_gone(*started)
+    resumed = airrace("resume", "run.h5", *POINT_MASS, "--json", cwd=tmp_path)
+    assert (resumed.code, resumed.race_time) == (0, Ran(code, out, "").race_time)
+    assert "started" not in resumed.err
+
+
+@linux_only
 def test_worker_killed_in_mid_solve_is_a_failure_of_the_system(tmp_path: Path) -> None:
     with start("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", "--output", "run.h5", cwd=tmp_path) as running:
         wait_for(running, "phase 3 of 8")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from airrace.errors import InputError, SolverCrash
+from airrace.errors import InputError, OutOfTime, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.quantities import Quantity
 from airrace.optimal_control.trajectory import Array, Trajectory
@@ -174,6 +174,8 @@ def _end(scenario: str, progress: Progress) -> None:
             raise ZeroDivisionError("a division\nby zero")
         case "interrupt":
             raise KeyboardInterrupt
+        case "out of time":
+            raise OutOfTime("there is no time left")
         case "invalid":
             raise InputError([])
 

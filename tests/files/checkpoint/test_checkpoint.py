@@ -162,15 +162,23 @@ def test_routes_and_alternatives_are_read_back_in_every_bit(
 BOUND = LowerBound(49.0, 50.0, 3, 17, 400, 30, (BoundedWindow("a -> b", 3, 1.0, 15),))
 
 
-def test_lower_bound_is_read_back(tmp_path: Path) -> None:
-    result = replace(example_result(), search=replace(EXPLORED, bound=BOUND))
+@pytest.mark.parametrize("bound", [BOUND, replace(BOUND, seconds=0.0, windows=(), stopped=True)])
+def test_lower_bound_is_read_back(tmp_path: Path, bound: LowerBound) -> None:
+    result = replace(example_result(), search=replace(EXPLORED, bound=bound))
     write_checkpoint(tmp_path / "run.h5", checkpoint_with(result))
     (stored,) = read_checkpoint(tmp_path / "run.h5").stages
     assert stored.result.search == result.search
 
 
 @pytest.mark.parametrize(
-    "other", [{"race_time": 0.0, "seconds": 0.0}, {"seconds": 51.0}, {"seconds": math.nan}, {"windows": ()}]
+    "other",
+    [
+        {"race_time": 0.0, "seconds": 0.0},
+        {"seconds": 51.0},
+        {"seconds": math.nan},
+        {"windows": ()},
+        {"windows": (), "stopped": True},
+    ],
 )
 def test_lower_bounds_that_no_search_leads_to_are_refused(tmp_path: Path, other: dict[str, Any]) -> None:
     result = replace(example_result(), search=replace(EXPLORED, bound=replace(BOUND, **other)))

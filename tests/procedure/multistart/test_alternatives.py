@@ -266,6 +266,48 @@ def test_flight_that_is_far_slower_than_the_best_route_when_rough_says_so(
     assert "takes 9.50 s" in record.getMessage()
 
 
+def priced_stages(
+    monkeypatch: pytest.MonkeyPatch, first: StageResult, *joined: StageResult
+) -> tuple[list[StageResult], int]:
+    """The point mass of a search whose prices join one flight in each round, after the first and after every round;
+    and how many of the joined flights were solved."""
+    coarse = planned_coarse_solution(SMALL)
+    starts = (Start(coarse.stage_problem, coarse.problem, coarse.iterate, 1.0),) * (1 + len(joined))
+    found = [
+        FoundRoutes(
+            starts[: 1 + number], lambda route: SearchReport(routes=(Route(f"route {route}", 9.0, 0.0, "joint"),))
+        )
+        for number in range(1 + len(joined))
+    ]
+    answers = Answers(first, *joined)
+    monkeypatch.setattr(procedure, "solve_from_starts", answers)
+    routes = dataclasses.replace(found[0], by_prices=found[1:])
+    monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
+    with open_session(QUICK) as session:
+        results = list(solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None))
+    return results, len(joined) - len(answers.verdicts)
+
+
+def test_flight_that_prices_lead_to_takes_the_place_of_a_slower_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    failed = taking(8.0, certified=False)
+    results, solved = priced_stages(monkeypatch, taking(9.0), failed, taking(8.9), taking(9.2))
+    assert solved == 3
+    assert [round(seconds(result), 3) for result in results] == [9.0, 9.0, 8.9, 8.9]
+    assert [result.search.routes[0].text for result in results] == ["route 0", "route 0", "route 2", "route 2"]
+
+
+def test_flight_that_prices_leave_behind_goes_on_beside_the_faster_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    (_, last), _ = priced_stages(monkeypatch, taking(9.0), taking(8.97))
+    assert [round(seconds(result), 3) for result in (last, *last.alternatives)] == [8.97, 9.0]
+
+
+def test_without_a_flight_there_are_no_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = dataclasses.replace(taking(9.0), outcome=Status.TIMEOUT)
+    results, solved = priced_stages(monkeypatch, lost, lost)
+    assert [(result.outcome, result.search.bound) for result in results] == [(Status.TIMEOUT, None)]
+    assert solved == 1  # the plan, in place of a joined flight
+
+
 def close_together(
     monkeypatch: pytest.MonkeyPatch, *verdicts: StageResult, checks: dict[float, StageResult | str], carried: int = 1
 ) -> tuple[StageResult, list[float]]:

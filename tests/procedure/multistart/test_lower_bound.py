@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from transformations import mirrored
 
 from airrace.files.inputs import load_inputs
 from airrace.model.frames import product, quaternion
+from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.pages.views.stage_tables import bound_text
 from airrace.procedure.multistart import lower_bound, multistart
@@ -27,6 +28,7 @@ from airrace.procedure.multistart.gate_prices import GatePrice, features_of
 from airrace.procedure.multistart.lower_bound import ROUNDS_MAX, SAVED_MIN, PriceSearch
 from airrace.procedure.multistart.plans import own_plans
 from airrace.procedure.multistart.priced_window import PricedWindow, RaceGuess, WindowFlight, WindowGuess
+from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.search import QUICK, planned_starts
 from airrace.procedure.result import BoundedWindow, LowerBound
 from airrace.procedure.warm_start import InitialBarrier
@@ -105,8 +107,15 @@ def test_prices_cancel_in_a_flight_of_the_whole_race() -> None:
 def test_no_start_is_below_the_bound() -> None:
     starts = planned_starts(prepared(SLALOM), SLALOM.course, QUICK)
     with price_search(SLALOM, others=starts) as (search, pool):
-        *_, bound = search.rounds(0.01)
+        bounds = list(search.rounds(0.01))
         flights = pool.work(starts, solve_coarse)
+    *stopped, bound = bounds
+    assert stopped
+    assert [earlier.stopped for earlier in bounds] == [*[True] * len(stopped), False]
+    assert sorted(bounds, key=lambda bound: -bound.race_time) == bounds
+    for earlier in bounds:
+        assert earlier.seconds <= min(earlier.race_time, search.best.race_time)
+        assert earlier.windows
     assert search.best.race_time < planned_coarse_solution(SLALOM).race_time - 5.0  # it rounded its pylon backwards
     assert bound.race_time == search.best.race_time
     assert bound.gap < 0.01
@@ -210,6 +219,68 @@ def test_flight_whose_errors_are_unknown_has_no_bound(monkeypatch: pytest.Monkey
     assert routes.search_report(0).bound is None
 
 
+def test_no_window_is_solved_before_prices_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = planned_coarse_solution(SLALOM)
+    monkeypatch.setattr(multistart, "PriceSearch", Unused)
+    with open_session(OFF) as session:
+        routes = multistart.search_routes(
+            prepared(SLALOM), SLALOM.course, session, NO_MOVES, starts=[], solved=[flight], gap=0.01
+        )
+    bound = routes.search_report(0).bound
+    assert bound is not None
+    assert (bound.stopped, bound.seconds, bound.windows) == (True, 0.0, ())
+    assert bound_text(bound).startswith("the search by prices was stopped before it had a bound")
+
+
+class Unused:
+    """What is never made."""
+
+    def __init__(self, *_: object) -> None:
+        raise AssertionError
+
+
+@dataclass
+class Joining:
+    """A price search that joins one flight in each of its rounds."""
+
+    flights: Sequence[CoarseSolution]
+
+    def __post_init__(self) -> None:
+        self.faster: list[CoarseSolution] = []
+        self.evaluated: list[object] = []
+
+    def rounds(self, _: float) -> Iterator[LowerBound]:
+        for flight in self.flights:
+            self.faster.insert(0, flight)
+            yield LowerBound(1.0, flight.race_time, 1, 1, 1, 0, (BoundedWindow("a -> b", 1, 0.0, 1),), stopped=True)
+
+
+def test_joined_flight_is_a_further_start_only_on_another_route_or_where_it_is_much_faster(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    base = planned_coarse_solution(SLALOM)
+    roll = next(move for move in rerolls(base.problem, base.iterate) if move.kind.startswith("roll"))
+
+    def faster(seconds: float, iterate: Iterate = base.iterate) -> CoarseSolution:
+        share = 1.0 - seconds / float(iterate.durations.sum())
+        return replace(base, iterate=replace(iterate, durations=share * iterate.durations))
+
+    joined = [faster(0.03), faster(0.04), faster(0.05, roll.flight), faster(0.06)]
+    monkeypatch.setattr(multistart, "PriceSearch", lambda *_: Joining(joined))
+    monkeypatch.setattr(multistart, "solve_finer", lambda _, coarse, **__: coarse)
+    with open_session(OFF) as session:
+        routes = multistart.search_routes(
+            prepared(SLALOM), SLALOM.course, session, NO_MOVES, starts=[], solved=[base], gap=0.01
+        )
+        reports = [
+            [priced.search_report(number).routes[0].race_time for number in range(len(priced.starts))]
+            for priced in routes.by_prices
+        ]
+    assert [len(times) for times in reports] == [1, 1, 2, 3]
+    assert reports[1] == [joined[1].race_time]  # compared with the fastest on its route
+    assert reports[3] == [flight.race_time for flight in joined[1:]]
+
+
 def test_plan_without_ties_is_one_start() -> None:
     assert len(own_plans(prepared(ONE_LEG))) == 1
 
@@ -238,3 +309,5 @@ def test_sentence_tells_the_gap_its_caveat_and_the_widest_window() -> None:
         "no flight is more than 2.00 % (1.00 s) faster, as far as windows of up to 3 legs were solved globally by "
         "12 starts each; 0.80 s of it on b -> c; no start led to a flight at the final prices on b -> c"
     )
+    stopped = bound_text(LowerBound(49.0, 50.0, 3, 12, 400, 30, windows, stopped=True))
+    assert stopped == f"{text}; the search by prices was stopped before its end"
