@@ -2,7 +2,8 @@
 
 1. Homotopy: a first flight of the point mass, phase by phase. Plans of the search are solved coarsely meanwhile.
 2. Search: the joint problem has many local optima, so flights on other routes are looked for on coarse meshes.
-3. Point mass: the best of these routes are solved over all phases jointly, and the fastest ones are carried on.
+3. Point mass: the best of these routes are solved over all phases jointly, and the fastest ones are carried on. A
+   thorough search goes on by prices from there.
 4. Transfer functions, state space with inversion and without, six degrees of freedom: each stage starts from the
    flights of the stage before, followed by its own model, or trimmed in them.
 5. Mesh check: the race time of the stage that is the answer is confirmed on a second mesh.
