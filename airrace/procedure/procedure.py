@@ -319,7 +319,6 @@ def _search_and_solve(
         results.append(without_search)
     elif not any(result.holds for result in results):
         results.append(solve_from_starts(session, starts, strategy))
-
     numbers += [0] * (len(results) - len(numbers))  # whatever was started from no route is compared with the first
 
     choice = _choose_route(models, session, results, numbers)

@@ -83,7 +83,8 @@ class LiveView(Progress):
             self._current = replace(self._current, iteration=iteration)
 
     def stage_finished(self, result: StageResult) -> None:
-        self._current = None
+        if not result.search.goes_on:
+            self._current = None
         self.live.console.print(Text(outcome_line(result)))
 
     def remark(self, text: str) -> None:

@@ -2,6 +2,7 @@
 
 import io
 import logging
+from dataclasses import replace
 
 import pytest
 from fake_optimizer import stage_result
@@ -10,7 +11,7 @@ from rich.console import Console
 from airrace.pages.views.progress_lines import LINE_INTERVAL, PlainLines, outcome_line
 from airrace.pages.views.progress_view import watching
 from airrace.pages.views.terminal import LiveView
-from airrace.procedure.result import OUTCOMES, Iteration, Progress, Status
+from airrace.procedure.result import OUTCOMES, Iteration, LowerBound, Progress, SearchReport, Status
 from airrace.procedure.stage import Stage
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
@@ -73,6 +74,22 @@ def test_the_live_view_shows_all_there_is_to_know_of_the_present_activity() -> N
         assert piece in shown()
     view.activity("phase 4 of 16: g3 -> g4", 3, 16)
     assert "57.250" not in shown()
+
+
+def test_stage_that_goes_on_by_prices_stays_in_the_live_view() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80, color_system=None)
+    view = LiveView("Rovinj 2014", console, STAGES, Clock())
+    bound = LowerBound(0.0, 10.0, 3, 0, 0, 0, (), stopped=True)
+    result = stage_result(Stage.POINT_MASS)
+    shown: list[bool] = []
+    for finished in (replace(result, search=SearchReport(bound=bound)), result):
+        view.stage_started(Stage.POINT_MASS)
+        view.stage_finished(finished)
+        with console.capture() as capture:
+            console.print(view.live.get_renderable())
+        shown.append("point-mass, stage 2 of 2" in capture.get())
+        assert outcome_line(finished).endswith("the search goes on by prices") is shown[-1]
+    assert shown == [True, False]
 
 
 @pytest.mark.parametrize(("columns", "width"), [(80, 76), (120, 76), (50, 50)])
