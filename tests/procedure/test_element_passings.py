@@ -14,8 +14,8 @@ from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap
 from airrace.files.inputs import load_inputs
 from airrace.model.environment import Air
 from airrace.model.frames import product, rotation
-from airrace.model.track.course import Crowd, CrowdShape, Roll, Rules, SafetyLine, Turning
-from airrace.model.track.gates import Manoeuvre
+from airrace.model.track.course import Crowd, CrowdShape, Passage, Roll, Rules, SafetyLine, Turning
+from airrace.model.track.gates import Gate, Manoeuvre
 from airrace.model.track.polygons import Point, distance, inside, to_right
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.trajectory import Array
@@ -174,11 +174,22 @@ def test_nobody_rolls_on_the_vertical_who_need_not() -> None:
     assert climbs(histories(roll_race(None))).max() < ROLL.climb.lower
 
 
-def test_every_roll_of_a_race_is_counted_from_its_own_beginning() -> None:
+def moved_east(passage: Passage, distance: float) -> Passage:
+    """The passage with its gate elsewhere; a roll has no place."""
+    element = passage.element
+    if isinstance(element, Gate):
+        element = dataclasses.replace(element, east=element.east + distance)
+    return dataclasses.replace(passage, element=element)
+
+
+@pytest.mark.parametrize("beside", [pytest.param(0.0, marks=pytest.mark.slow), 240.0])
+def test_every_roll_of_a_race_is_counted_from_its_own_beginning(beside: float) -> None:
+    """A second lap over the same gates is hard to find; one beside the first lap, turn joining turn, is not."""
     once = roll_race(dataclasses.replace(ROLL, turning=Turning.LEFT))
     start, *lap = once.course.passages
-    again = tuple(dataclasses.replace(passage, name=f"2:{passage.name}", lap=2) for passage in (start, *lap))
-    again = (dataclasses.replace(again[0], speed=Interval()), *again[1:])
+    again = [dataclasses.replace(passage, name=f"2:{passage.name}", lap=2) for passage in (start, *lap)]
+    again[0] = dataclasses.replace(again[0], speed=Interval())
+    again = [moved_east(passage, beside) for passage in again]
     twice = dataclasses.replace(once, course=dataclasses.replace(once.course, passages=(start, *lap, *again)))
     for end in (3, 8):
         assert_rolls_on_its_line(histories(twice, end - 1, end), Turning.LEFT)
