@@ -28,6 +28,7 @@ from airrace.flights.results.planned import planned_flight, remarks_on_line
 from airrace.model.environment import StaticWind
 from airrace.pages.views.map_model import map_model
 from airrace.procedure.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
+from airrace.procedure.planning.route_decisions import PLANNED_MAX
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
@@ -214,7 +215,7 @@ def test_the_work_to_check_a_course_grows_with_its_gates_and_no_faster(tmp_path:
     def work(count: int) -> None:
         assert len(json.loads(check(many_gates(tmp_path, count), "--json"))["passages"]) == count
 
-    assert_grows_no_faster_than_its_input(work, 600)  # of fewer gates, more is told of each
+    assert_grows_no_faster_than_its_input(work, PLANNED_MAX + 1)  # of fewer gates, more is told of each
 
 
 @pytest.mark.slow
