@@ -9,7 +9,7 @@ from typing import Any
 import psutil
 import pytest
 from browser_pages import READY_MS, browser_path
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 import airrace
 from airrace.design.designer import Designer
@@ -53,22 +53,28 @@ class Desk:
         return predicted
 
 
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=browser_path(), args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
 @pytest.fixture
-def desk(track: Path) -> Iterator[Desk]:
+def desk(chromium: Browser, track: Path) -> Iterator[Desk]:
     designer = Designer(track)
     server = DesignServer(designer)
     thread = threading.Thread(target=lambda: server.run(browser=False))
     thread.start()
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=browser_path(), args=["--no-sandbox"])
-        page = browser.new_context(viewport={"width": 1400, "height": 850}).new_page()
-        page.set_default_timeout(READY_MS)
-        said: list[Any] = []
-        page.on("console", lambda one: said.append(one.text) if one.type == "error" else None)
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.goto(server.address)
-        yield Desk(page, designer)
-        browser.close()
+    page = chromium.new_context(viewport={"width": 1400, "height": 850}).new_page()
+    page.set_default_timeout(READY_MS)
+    said: list[Any] = []
+    page.on("console", lambda one: said.append(one.text) if one.type == "error" else None)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(server.address)
+    yield Desk(page, designer)
+    page.context.close()
     server.stop()
     thread.join()
     designer.close()
@@ -107,7 +113,6 @@ def test_the_scene_stands_beside_the_plan_and_follows_it(desk: Desk) -> None:
 
 @pytest.mark.representative
 def test_gates_of_two_names_that_are_one_pylon_move_together(desk: Desk) -> None:
-    desk.settle()
     found = desk.page.evaluate("""async () => {
       const { together } = await import("./script/plan.js");
       const piece = (name, north, group = "gates") => (

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, start, wait_for
+from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, inside, start, wait_for
 from waiting import PATIENCE, wait_until_gone
 
 FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off")
@@ -23,11 +23,11 @@ def test_a_job_finds_what_a_run_of_its_own_finds(tmp_path: Path) -> None:
     assert ran.code == 0
     (job,) = ran.answer["jobs"]
     single = ("--set", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
-    alone = airrace("optimize", HALF_CUBAN, *FAST, *single, "--threads", "1", "--json", cwd=tmp_path)
+    alone = inside("optimize", HALF_CUBAN, *FAST, *single, "--threads", "1", "--json", cwd=tmp_path)
     assert job["race_time_s"] == pytest.approx(alone.race_time, rel=1e-9)
     assert job["certified"]
-    assert airrace("verify", job["checkpoint"], cwd=tmp_path).code == 0
-    again = airrace("batch", HALF_CUBAN, *FAST, *WIND, "--json", cwd=tmp_path)
+    assert inside("verify", job["checkpoint"], cwd=tmp_path).code == 0
+    again = inside("batch", HALF_CUBAN, *FAST, *WIND, "--json", cwd=tmp_path)
     assert [job["kept"] for job in again.answer["jobs"]] == [True]  # type: ignore[attr-defined]
 
 

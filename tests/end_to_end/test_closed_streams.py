@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from airrace_command import HALF_CUBAN, POINT_MASS, Ran
+from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, Ran, inside
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="redirects streams with a shell of Unix")
-QUICKLY = f"optimize {HALF_CUBAN} {' '.join(POINT_MASS)} --guess plan --search off"
+QUICKLY = f"optimize {HALF_CUBAN} {' '.join(ALONG_THE_PLAN)}"
 
 
 def shell(line: str, cwd: Path, **environment: str) -> Ran:
@@ -34,7 +34,7 @@ def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_run(tmp_path: 
     ran = shell(line, tmp_path)
     assert ran.code == 0
     assert len(ran.out.splitlines()) == 3
-    assert shell("airrace show x.h5 --json", tmp_path).answer["certified"] is True
+    assert inside("show", "x.h5", "--json", cwd=tmp_path).answer["certified"] is True
 
 
 @pytest.mark.parametrize(
@@ -68,11 +68,11 @@ def test_stderr_that_cannot_be_written_changes_neither_answer_nor_code(tmp_path:
 def test_a_checkpoint_is_whole_although_all_streams_are_closed(tmp_path: Path) -> None:
     """Its file would get the number of a closed stream, and what is printed would get into it."""
     assert shell(f"airrace {QUICKLY} --output x.h5 <&- >&- 2>&-", tmp_path).code == 8
-    assert shell("airrace show x.h5 --json", tmp_path).answer["certified"] is True
+    assert inside("show", "x.h5", "--json", cwd=tmp_path).answer["certified"] is True
 
 
 def test_a_reader_of_a_long_table_may_leave_early_and_a_full_disk_is_an_error(tmp_path: Path) -> None:
-    assert shell(f"airrace {QUICKLY} --output x.h5", tmp_path).code == 0
+    assert inside(*QUICKLY.split(), "--output", "x.h5", cwd=tmp_path).code == 0
     ran = shell("airrace export csv x.h5 --rate 2000 | head -2; exit ${PIPESTATUS[0]}", tmp_path)
     assert (ran.code, ran.err) == (0, "")
     assert ran.out.startswith("# track: Half Cuban Eight\n")

@@ -109,7 +109,7 @@ def test_long_run_is_certified_also_without_the_native_library(track: str, guess
 
 def test_wind_is_set_on_the_command_line(optimised: Ran, tmp_path: Path) -> None:
     wind = ("--set", "environment.wind.from_deg=180", "--set", "environment.wind.speed_m_s=8")
-    ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *wind, "--json", cwd=tmp_path)
+    ran = inside("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *wind, "--json", cwd=tmp_path)
     assert (ran.code, ran.answer["certified"]) == (0, True)
     assert ran.race_time != pytest.approx(optimised.race_time, abs=1e-3)
 
@@ -132,7 +132,7 @@ def test_show_prints_what_was_stored(optimised: Ran, run_file: Path, tmp_path: P
 
 
 def test_verify_measures_the_stored_flight_again(optimised: Ran, run_file: Path, tmp_path: Path) -> None:
-    ran = airrace("verify", run_file, "--json", cwd=tmp_path)
+    ran = inside("verify", run_file, "--json", cwd=tmp_path)
     assert ran.code == 0
     assert ran.answer["verified"] is True
     stages = ran.answer["stages"]
@@ -171,7 +171,7 @@ def test_a_file_may_have_a_name_that_is_no_utf8(command: tuple[str, ...], run_fi
 
 
 def test_finished_run_is_flown_again_only_where_it_is_asked_for(run_file: Path, optimised: Ran) -> None:
-    ran = airrace("resume", run_file, *POINT_MASS, "--json", cwd=run_file.parent)
+    ran = inside("resume", run_file, *POINT_MASS, "--json", cwd=run_file.parent)
     assert ran.code == 0
     assert ran.race_time == optimised.race_time
     assert "started" not in ran.err
@@ -243,7 +243,7 @@ def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Pat
 
 
 def test_the_object_the_csv_and_the_table_tell_the_same_sensitivities(run_file: Path, tmp_path: Path) -> None:
-    answer = airrace("sensitivity", run_file, "--json", cwd=tmp_path).answer
+    answer = inside("sensitivity", run_file, "--json", cwd=tmp_path).answer
     assert list(answer) == ["track", "stage", "race_time_s", "sensitivities"]
     found = answer["sensitivities"]
     rows = list(csv.DictReader(io.StringIO(inside("sensitivity", run_file, "--csv", cwd=tmp_path).out)))

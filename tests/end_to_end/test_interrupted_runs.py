@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from airrace_command import POINT_MASS, SIXTEEN, Ran, airrace, children, start, wait_for
+from airrace_command import POINT_MASS, SIXTEEN, Ran, airrace, children, inside, start, wait_for
 from waiting import PATIENCE, wait_until_gone
 
 # One lap takes a few seconds: time enough to be stopped in the middle of the joint solve.
@@ -20,7 +20,7 @@ linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="fi
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     """The run that nobody stops."""
-    ran = airrace("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", cwd=tmp_path_factory.mktemp("uninterrupted"))
+    ran = inside("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", cwd=tmp_path_factory.mktemp("uninterrupted"))
     assert ran.code == 0
     return ran
 
@@ -58,7 +58,7 @@ def test_run_stopped_in_the_joint_solve_keeps_its_homotopy_and_goes_on_to_the_sa
     assert resumed.answer["certified"] is True
     assert resumed.stages == ["homotopy", "point-mass"]
     assert resumed.race_time == pytest.approx(uninterrupted.race_time, rel=1e-6)
-    assert airrace("verify", "run.h5", cwd=tmp_path).code == 0
+    assert inside("verify", "run.h5", cwd=tmp_path).code == 0
 
 
 @pytest.mark.slow
@@ -102,8 +102,8 @@ def test_killed_run_leaves_a_checkpoint_to_go_on_with_and_no_process(tmp_path: P
     code, _, started = interrupted(tmp_path, "point-mass: started", signal.SIGKILL)
     assert code == -signal.SIGKILL
     wait_until_gone(*started)
-    assert airrace("show", "run.h5", "--json", cwd=tmp_path).stages == ["homotopy"]
-    resumed = airrace("resume", "run.h5", *POINT_MASS, "--json", cwd=tmp_path)
+    assert inside("show", "run.h5", "--json", cwd=tmp_path).stages == ["homotopy"]
+    resumed = inside("resume", "run.h5", *POINT_MASS, "--json", cwd=tmp_path)
     assert resumed.code == 0
     assert resumed.race_time == pytest.approx(uninterrupted.race_time, rel=1e-6)
 

@@ -199,7 +199,7 @@ def test_nothing_is_solved_before_all_that_is_named_is_found_to_be_there(options
 def test_a_run_without_a_point_mass_has_the_handicap_of_its_last_stage(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    run = airrace.optimize(COURSE, search="off")
+    run = airrace.optimize(COURSE, guess="plan", search="off")
     bare = replace(run, checkpoint=replace(run.checkpoint, stages=())).with_stage(run.results[-1])
     bare.save(tmp_path / "bare.h5")
     result = airrace.handicap(bare, wind="0/10")
