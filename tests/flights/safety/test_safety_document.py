@@ -49,8 +49,11 @@ def simulated(crowd: str = "", every: SafetyCase | SafetyRose | None = None) -> 
     return SimulatedRun(one, one.stage(), case(crowd), every or case(crowd))
 
 
-def page_of(crowd: str = "", rose: SafetyRose | None = None, names: tuple[str, ...] = ()) -> html.HtmlElement:
-    return html.document_fromstring(safety_document(simulated(crowd, rose), CaseNotes(sign_for=names)).html())
+def page_of(
+    crowd: str = "", rose: SafetyRose | None = None, names: tuple[str, ...] = (), *, drawn: bool = False
+) -> html.HtmlElement:
+    document = safety_document(simulated(crowd, rose), CaseNotes(sign_for=names), drawn=drawn)
+    return html.document_fromstring(document.html())
 
 
 def chapters(page: html.HtmlElement) -> Mapping[str, str]:
@@ -71,7 +74,7 @@ def first_page(page: html.HtmlElement) -> str:
 
 
 def test_page_holds_all_chapters_and_nothing_that_is_loaded() -> None:
-    page = page_of()
+    page = page_of(drawn=True)
     assert not [one for one in page.iter() if one.tag in ("script", "link", "iframe")]
     addresses = [value for one in page.iter() for name, value in one.items() if name in ("src", "href")]
     loaded = [address.split(",")[0] for address in addresses if not address.startswith("#")]
@@ -107,14 +110,15 @@ def test_people_are_told_of_where_the_course_names_some() -> None:
 def test_what_is_not_certified_is_said_first() -> None:
     one = flown()
     doubtful = replace(case(), uncertified="the optimum is not certified: six-dof: it may be better")
-    page = html.document_fromstring(safety_document(SimulatedRun(one, one.stage(), doubtful, doubtful)).html())
+    of = SimulatedRun(one, one.stage(), doubtful, doubtful)
+    page = html.document_fromstring(safety_document(of, drawn=False).html())
     (known,) = page.find_class("known")
     assert "not certified: six-dof: it may be better" in known.text_content()
 
 
 def test_flights_along_replanned_lines_have_a_chapter() -> None:
     run, both = flown(), replace(case(), replanned=ReplannedFlights(0.5, case().result))
-    document = safety_document(SimulatedRun(run, run.stage(), both, both))
+    document = safety_document(SimulatedRun(run, run.stage(), both, both), drawn=False)
     written = chapters(html.document_fromstring(document.html()))
     assert "replanned every 0.5 s" in written["The line replanned"]
     assert "The line replanned" not in chapters(page_of())
@@ -139,7 +143,7 @@ def test_a_line_with_reserve_says_so() -> None:
     given = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
     one = new_run(given, None).with_stage(optimum())
     of = SimulatedRun(one, one.stage(), case(), case())
-    page = html.document_fromstring(safety_document(of, CaseNotes(sign_for=("Authority",))).html())
+    page = html.document_fromstring(safety_document(of, CaseNotes(sign_for=("Authority",)), drawn=False).html())
     assert "the fastest line with a measured reserve" in first_page(page)
     assert "No reserve" not in page.text_content()
     assert "asked for in light gusts and nothing else" in first_page(page)
@@ -401,7 +405,7 @@ def test_runs_of_different_courses_are_refused_before_they_are_flown(
 
 def test_the_first_page_says_for_whom_when_and_where() -> None:
     notes = CaseNotes(prepared_for="Authority of <b>air</b>", valid="2026-12-05", revision="3b")
-    page = html.document_fromstring(safety_document(simulated(), notes).html())
+    page = html.document_fromstring(safety_document(simulated(), notes, drawn=False).html())
     told = first_page(page)
     for text in ("Authority of <b>air</b>", "2026-12-05", "3b", "the fastest line that was found", "Contents"):
         assert text in told
