@@ -21,21 +21,29 @@ settings.load_profile("steady")
 
 LONG = (
     "procedure/multistart/test_search.py",
-    "runs/batch/test_cluster.py",
+    "runs/batch/test_handicap.py",
+    "pages/report/test_in_browser.py",
     "runs/test_tampered_files.py",
+    "runs/batch/test_cluster.py",
     "procedure/test_certified_races.py",
-    "end_to_end/test_closed_streams.py",
-    "procedure/control/test_simulation.py",
+    "procedure/test_infeasible.py",
+    "runs/batch/test_batch_command.py",
+    "flights/safety/test_safety_document.py",
+    "pages/report/test_page.py",
+    "flights/logs/test_recorders.py",
     "end_to_end/test_finished_runs.py",
-    "procedure/test_fidelity_continuation.py",
+    "pages/views/test_course_figure.py",
     "end_to_end/test_untrusted_folders.py",
-    "test_doctests.py",
-    "end_to_end/test_batches.py",
-    "documentation/test_site.py",
-    "shipped/test_wheel.py",
+    "end_to_end/test_foreign_extensions.py",
+    "design/test_killed_designer.py",
     "cli/test_inputs_unchanged.py",
+    "test_doctests.py",
+    "end_to_end/test_interrupted_runs.py",
+    "documentation/test_site.py",
+    "procedure/test_mesh_check.py",
+    "procedure/multistart/test_lower_bound.py",
 )
-"""Files of 6 to 33 s of processor time, the longest first: in parallel no process waits for one of them at the end."""
+"""Files of 14 to 45 s, the longest first: in parallel no process waits for one of them at the end."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
