@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from airrace.model.track.gates import Gate, Manoeuvre
 from airrace.model.track.polygons import Point
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.quantities import Interval
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import first_solutions as before_point_mass
 from airrace.procedure import procedure
 from airrace.procedure.first_solutions import FirstSolutions, solve_homotopy_and_plans
@@ -42,6 +44,7 @@ from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, HomotopyOutcome,
 from airrace.procedure.infeasibility.conflicts import (
     RelaxedRace,
 )
+from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
 from airrace.procedure.infeasibility.local_infeasibility import (
     WINDOWS_MAX,
     LocalInfeasibility,
@@ -220,6 +223,18 @@ def test_a_race_that_has_a_flight_after_all_is_flown() -> None:
     result = result_of(race)
     assert result.certified
     assert result.suggested_changes == ()
+
+
+def test_a_race_in_which_nothing_has_to_give_way_is_flown_though_all_its_starts_have_failed() -> None:
+    flown = result_of(SMALL)
+    failed = dataclasses.replace(flown, outcome=Status.NOT_CONVERGED, certificate=None)
+    chosen = settings(GuessKind.PLAN)
+    with SolverService() as service, closing(SolverSession(service, chosen, Silent())) as used:
+        result = diagnose_infeasibility(failed, SMALL, prepared(SMALL), used)
+    assert result.certified
+    assert result.suggested_changes == ()
+    assert result.trajectory.race_time == pytest.approx(flown.trajectory.race_time, abs=5e-3)
+    assert result.attempts[0].purpose == "every limit giving way"
 
 
 FAILED_PHASE = 4
