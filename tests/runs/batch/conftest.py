@@ -1,6 +1,7 @@
 """A cluster that tests of one file share, the log of its stand-ins, and the command in a folder of its own."""
 
 from collections.abc import Iterator
+from concurrent.futures import Future
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from clusters import Cluster
 from waiting import wait_until
 
 import airrace.runs.batch.local as process_module
+from airrace.runs.batch.jobs import Job
+from airrace.runs.batch.local import LocalPool
+from airrace.runs.batch.supervision import AttemptResult
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +33,18 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 @pytest.fixture
 def log(tmp_path: Path) -> Log:
     return Log(tmp_path / "starts")
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Jobs that hang run out of whatever time they have after half a second; the others keep theirs."""
+    submit = LocalPool.submit
+
+    def sooner(pool: LocalPool, job: Job, checkpoint: Path, timeout: float | None) -> "Future[AttemptResult]":
+        hangs = timeout is not None and "notes=hang" in job.overrides
+        return submit(pool, job, checkpoint, 0.5 if hangs else timeout)
+
+    monkeypatch.setattr(LocalPool, "submit", sooner)
 
 
 @pytest.fixture

@@ -108,8 +108,9 @@ def test_a_job_may_take_any_time(airrace: Shell) -> None:
         ("not-certified,crash,fine", 8),
     ],
 )
+@pytest.mark.usefixtures("impatient")
 def test_the_exit_code_is_that_of_the_worst_job(notes: str, code: int, airrace: Shell) -> None:
-    ran = airrace("oval.yaml", "--sweep", f"notes={notes}", "--timeout", "8", "--json")
+    ran = airrace("oval.yaml", "--sweep", f"notes={notes}", "--timeout", "60", "--json")
     assert ran.code == code
     assert ran.answer["certified"] is (code == 0)
     assert len(ran.answer["jobs"]) == len(notes.split(","))
@@ -360,7 +361,7 @@ def wait_for(running: subprocess.Popen[str], text: str) -> None:
 def test_second_signal_of_one_request_interrupts_nothing_though_the_jobs_have_ended(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("airrace.cli.batch.ONE_REQUEST", 5.0)  # a busy machine may deliver the second one late
+    monkeypatch.setattr("airrace.cli.batch.ONE_REQUEST", 2.0)  # a busy machine may deliver the second one late
     second = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
     with stopping() as asked:
         os.kill(os.getpid(), signal.SIGINT)
