@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from airrace.model.dynamics.flight_model import RollCounter
 from airrace.model.frames import QUATERNION, rotation
 from airrace.optimal_control.elastic import AT_LEAST, AT_MOST, augment, project
 from airrace.optimal_control.layout import Layout, narrow_range
@@ -58,8 +59,6 @@ UNKNOWN_FACTOR = 100.0
 RELAXED_MIN = 0.02
 """The deviations from which on a start has given way (1); the barrier leaves less."""
 SPEED = "V_K"
-COUNTERS = ("Phi", "gain")
-"""The states that count rolls; they begin anew where they matter."""
 CHANGED = 0.5
 """The share of the box by which a state has changed noticeably (1)."""
 STALL_SECONDS = 20.0
@@ -381,7 +380,7 @@ class CostToGo:
                 bounds[name] = Interval(value - JOINING_SPEED, value + JOINING_SPEED)
             elif row == self._quaternion[largest]:
                 bounds[name] = Interval(lower=0.0) if value > 0.0 else Interval(upper=0.0)
-            elif name not in COUNTERS:
+            elif name not in RollCounter.names():  # these begin anew where they matter
                 bounds[name] = Interval.exactly(value)
         end = rest.phases[-1].without_path_constraints_at(len(rest.phases[-1].fractions))
         phases = (*rest.phases[:-1], replace(end, end=Boundary("", bounds)))

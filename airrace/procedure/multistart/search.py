@@ -26,11 +26,6 @@ from airrace.procedure.warm_start import InitialBarrier
 
 SAVED_MIN = 0.003
 """The time that a move has to save in its window to be solved jointly, s."""
-TABU_LOSS = 2.0
-"""The loss in its window beyond which a move is not tried again around a better flight, s; likewise one that failed.
-
-On Air Race X, where flights around them became a second faster, the gain of moves changed by up to 0.7 s.
-"""
 RETRIED_GAIN = 1.0
 """The gain of a move's plan, s, above which it is solved jointly although its window has failed.
 
@@ -136,7 +131,6 @@ class Search:
         self._starts: list[CoarseSolution] = []
         self._moves: list[EvaluatedMove] = []
         self._joint: list[EvaluatedMove] = []
-        self._tabu: set[tuple[int, str]] = set()
         self._failing: set[tuple[int, str]] = set()
         self._failed = 0
 
@@ -264,9 +258,7 @@ class Search:
         self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]
     ) -> tuple[CoarseSolution | None, list[EvaluatedMove]]:
         """Return a faster flight from some moves, and those that save time but are not in it; None if there is none."""
-        improving = self._improving(
-            [move for move in moves if move.recurs or (move.segment.number, move.kind) not in self._tabu]
-        )
+        improving = self._improving(moves)
         improving += self._improving(
             [replica for move in improving for replica in generator.replicate_in_other_laps(move, move.move.kind)]
         )
@@ -278,8 +270,6 @@ class Search:
         """Evaluate all moves, and return those that save time."""
         outcomes = self._pool.work(moves, evaluate)
         for move, evaluated in zip(moves, outcomes, strict=True):
-            if evaluated is None or evaluated.saved < -TABU_LOSS:
-                self._tabu.add((move.segment.number, move.kind))
             if evaluated is None:
                 self._failing.add((move.segment.number, move.kind))
         evaluated_moves = [move for move in outcomes if move is not None]

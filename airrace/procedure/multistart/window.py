@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from airrace.model.dynamics.flight_model import RollCounter
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.replay import interval_durations
@@ -28,16 +29,14 @@ from airrace.procedure.multistart.segments import Segment, inside_window
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 
-ITERATIONS_MAX = 120
+ITERATIONS_MAX = 100
 """The largest number of iterations of a window.
 
-Of 376 on 17 courses that were solved without a line search, half took at most 13, nine in ten 29. Of nine that failed
-with 60, eight do not with 120.
+Of 376 on 17 courses that were solved without a line search, half took at most 13, nine in ten 29. With 60 one search of
+42 missed a faster roll; with 120 none ended at another flight.
 """
 END_SPEED_TRUST = 10.0
 """The largest difference of the speed at the end of a window, m/s; its costate holds nearby."""
-COUNTERS = ("Phi", "gain")
-"""The states that count rolls; they begin anew where they matter."""
 SPEED = "V_K"
 
 
@@ -68,9 +67,14 @@ class Move:
     own: range | None = None
 
     @property
-    def recurs(self) -> bool:
-        """Whether it may be tried again around another flight: a roll, which belongs to the flight."""
-        return self.own is not None
+    def mesh(self) -> list[tuple[float, ...]]:
+        """The mesh of the flight, even in the phases whose guess has another number of intervals."""
+        mesh = self.base.problem.mesh
+        for index, piece in zip(self.phases, self.pieces, strict=True):
+            count = piece.control.shape[1]
+            if len(mesh[index]) != count:
+                mesh[index] = (1.0 / count,) * count
+        return mesh
 
     @property
     def changed(self) -> range:
@@ -162,11 +166,7 @@ class _Window:
     def of(cls, move: Move) -> Self:
         """Return the window of a move."""
         base, first, last = move.base, move.first, move.last
-        mesh, nodes = base.problem.mesh, base.problem.first_node
-        for index, piece in zip(move.phases, move.pieces, strict=True):
-            count = piece.control.shape[1]
-            mesh[index] = mesh[index] if len(mesh[index]) == count else (1.0 / count,) * count
-        whole = move.stage_problem.problem(mesh)
+        nodes, whole = base.problem.first_node, move.stage_problem.problem(move.mesh)
         phases, guess = list(whole.phases[first:last]), concatenate(move.pieces)
         head, tail = move.spare
         begin, end = nodes[first] + head, nodes[last] - tail
@@ -239,6 +239,6 @@ def _continuation(names: Sequence[str], state: np.ndarray, start: Iterate) -> Bo
             bounds[name] = Interval(lower=0.0) if value > 0.0 else Interval(upper=0.0)
         elif name == SPEED:
             bounds[name] = Interval(value - END_SPEED_TRUST, value + END_SPEED_TRUST)
-        elif name not in COUNTERS:
+        elif name not in RollCounter.names():  # these begin anew where they matter
             bounds[name] = Interval.exactly(value)
     return Boundary("", bounds)
