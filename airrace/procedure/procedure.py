@@ -328,14 +328,15 @@ def _search_and_solve(
         yield replace(_with_log(choice.result, session), search=replace(report, bound=None))
         return
     yield replace(_with_log(choice.result, session), search=report)
-    known = len(routes.starts)
+    count = len(routes.starts)
     for priced in routes.by_prices:
-        if len(priced.starts) > known:
-            known = len(priced.starts)
-            faster = _solve_from(priced.starts[-1], strategy, session)
+        if priced.further_start is not None:
+            count += 1
+            before, faster = choice.result, _solve_from(priced.further_start, strategy, session)
             if faster.holds:
-                choice = _choose_route(models, session, [*choice.results, faster], [*choice.numbers, known - 1])
-            _warn_of_search(choice.result, priced.search_report(choice.route), priced.search_report(known - 1))
+                choice = _choose_route(models, session, [*choice.results, faster], [*choice.numbers, count - 1])
+            if choice.result is not before or not faster.holds:
+                _warn_of_search(choice.result, priced.search_report(choice.route), priced.search_report(count - 1))
         yield replace(_with_log(choice.result, session), search=priced.search_report(choice.route))
 
 

@@ -271,7 +271,7 @@ class LowerBound:
 
 @dataclass(frozen=True)
 class SearchReport:
-    """The routes that the search evaluated before a race was optimised.
+    """The routes that the search evaluated.
 
     Attributes:
         routes: that of the flight first, then the others by race time; empty without a search.
@@ -303,7 +303,7 @@ class SearchReport:
 
 
 NOT_SEARCHED = SearchReport()
-"""The record of a stage without exploring."""
+"""The record of a stage without a search."""
 
 
 @dataclass(frozen=True)
@@ -355,7 +355,7 @@ class StageResult:
         timings: where the time went.
         provenance: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
-        search: which other routes were tried; empty in all stages but the one that explores.
+        search: which other routes were tried; empty in all stages but the one that searches.
         suggested_changes: what would resolve the conflicts for which no flight was found, the least of each first.
         alternatives: flights of this stage on other routes that hold, which go through all stages as well: slower ones,
             or hardly faster ones that are harder to fly.

@@ -46,7 +46,8 @@ def main() -> None:
                 [flights[0], quick[0] if quick else flights[0], flights[-1]],
                 lambda service, flight: solve_finer(service, flight, mesh),
             )
-            search = PriceSearch(slowest, [*own_plans(point_mass), *plans], course, mesh, pool, lambda _: None)
+            others, cruise = [*own_plans(point_mass), *plans], point_mass.plan.cruise
+            search = PriceSearch(slowest, others, course, cruise, mesh, pool, lambda _: None)
             *_, bound = search.rounds(chosen.gap)
         times = [flight.race_time for flight in (slowest, fastest, best, search.best)]
         cells = [Path(name).stem, *(f"{seconds:.3f}" for seconds in times), f"{100 * bound.gap:.2f}"]

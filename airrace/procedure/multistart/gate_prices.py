@@ -1,7 +1,7 @@
-"""Prices of the state at a gate: what a stretch of a race pays for the state in which it ends, s.
+"""Prices of the state at a gate: what a window of a race pays for the state in which it ends, s.
 
-The stretch that begins there is paid the same. Whatever the prices are, they cancel in a flight of the whole race, so
-that the least priced times of stretches that make up the race add up to a lower bound of its race time:
+The window that begins there is paid the same. Whatever the prices are, they cancel in a flight of the whole race, so
+that the least priced times of windows that make up the race add up to a lower bound of its race time:
 docs/theory/lower_bound.md has the derivation. The bound is close where prices grow with the state as the time to go
 does.
 
@@ -91,9 +91,6 @@ class GatePrice:
         rows = [names.index(name) for name in QUATERNION]
         tangent = np.eye(len(names))  # of the states whose quaternion has length 1
         tangent[np.ix_(rows, rows)] -= np.outer(state[rows], state[rows])
-        for name in COUNTERS:
-            if name in names:
-                tangent[names.index(name), names.index(name)] = 0.0
         features = features_of(tuple(states))
         slopes = np.array(features.jacobian(state)) @ tangent
         # the smallest weights that have these slopes

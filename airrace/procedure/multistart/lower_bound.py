@@ -1,28 +1,27 @@
 """A lower bound of the race time, and the faster routes that it points to.
 
-A race is cut at some of the gates that stand into windows of at most three legs from one such gate to the next. With
+A race is cut into windows at gates that stand; a window has at most three legs from one such gate to the next. With
 prices of the state at these gates (`gate_prices`) the least priced times of the windows add up to a lower bound of the
-race time. The best prices are found by cutting planes: every known flight through a window limits from above how high
-its least priced time can be, so a linear program proposes prices, the windows are solved at these, and their flights
-are new cuts. Where the bound stays below the race time, the multipliers of the program tell which flights it would
-combine; they are joined and solved as a whole.
+race time. The best prices are found by cutting planes: a linear program proposes prices (`price_program`), the windows
+are solved at these, and their flights are new cuts. Where the bound stays below the race time, the multipliers of the
+program tell which flights it would combine; they are joined and solved as a whole.
 
 The windows are solved by a local method from several starts. So the bound is as good as these: a flight that none of
 them leads to is not in it.
 """
 
-import importlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from airrace.model.track.course import Course
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
+from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import concatenate
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, finer_guess, solve_coarse
 from airrace.procedure.multistart.gate_prices import GatePrice
+from airrace.procedure.multistart.price_program import Proposal, propose_weights
 from airrace.procedure.multistart.priced_window import (
     PricedWindow,
     RaceGuess,
@@ -33,23 +32,24 @@ from airrace.procedure.multistart.priced_window import (
     rolled_guesses,
 )
 from airrace.procedure.planning.plan import decisions_from_solution, plan
+from airrace.procedure.planning.planning_model import PlanningModel
 from airrace.procedure.result import BoundedWindow, LowerBound
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.warm_start import InitialBarrier
 
 LEGS_MAX = 3
 """The largest number of legs of a window, from one gate that stands to the next."""
-STEPS_MAX = 15
+PROPOSALS_MAX = 15
 """The number of proposals of prices before the windows are solved from all starts again."""
 ROUNDS_MAX = 8
 """The number of times that the windows are solved from all starts."""
-RADIUS, RADIUS_MIN, RADIUS_MAX = 0.05, 0.001, 0.5
+TRUST_RADIUS, TRUST_RADIUS_MIN, TRUST_RADIUS_MAX = 0.05, 0.001, 0.5
 """How far weights may move at a time (s): at first, at least and at most."""
 ASCENT_SHARE = 0.1
 """The share of the rise that a proposal promises by which the bound must rise (1)."""
 RISE_MIN = 1e-6
 """The least rise for which proposed prices are tried, s."""
-SETTLED = 0.001
+BOUND_CHANGE_MIN = 0.001
 """The share of the race time by which a round must change the bound for another one (1)."""
 SAVED_MIN = 0.003
 """The time that joined flights must save for another round, s."""
@@ -57,7 +57,7 @@ PRUNED_LOSS = 1.0
 """The priced time beyond the least at which a start is not tried again, s."""
 NEAREST = 2
 """Number of known flights from which a window is solved at proposed prices."""
-APART, ALIKE, LOWERED_MIN = 0.3, 1e-3, 1e-5
+DISTINCT_TOLERANCE, DUPLICATE_TOLERANCE, LOWERED_MIN = 0.3, 1e-3, 1e-5
 """Features differ by this much between flights of which both are worth a start (1), and by this little in copies (1),
 which are kept only where their priced time is lower by so much (s)."""
 
@@ -71,9 +71,9 @@ class _Prices:
     def window(self, window: Window) -> PricedWindow:
         return PricedWindow(window, self.at.get(window[0]), self.at.get(window[1]))
 
-    def moved(self, gates: Sequence[int], weights: np.ndarray) -> "_Prices":
-        """Return the prices with other weights at some gates, one row for each."""
-        changed = {gate: replace(self.at[gate], weights=row) for gate, row in zip(gates, weights, strict=True)}
+    def with_weights(self, weights: Mapping[int, Array]) -> "_Prices":
+        """Return the prices with other weights at some gates."""
+        changed = {gate: replace(self.at[gate], weights=values) for gate, values in weights.items()}
         return _Prices({**self.at, **changed})
 
 
@@ -81,7 +81,8 @@ class _Prices:
 class EvaluatedWindow:
     """A flight through a window, and a lower bound of the time of any race that goes through it like that, s.
 
-    That is the bound of all races, and by how much the priced time of the flight is above the least in its window.
+    That is the bound of all races, and by how much the priced time of the flight is above the least in its window, at
+    the prices at which the window was solved.
     """
 
     window: Window
@@ -95,35 +96,6 @@ class EvaluatedWindow:
         return replace(best, stage_problem=self.flight.stage_problem, problem=problem, iterate=self.flight.iterate)
 
 
-@dataclass(frozen=True, eq=False)
-class _Proposal:
-    """Prices, the bound if no window had other flights than those known, and what each of these has a share in it."""
-
-    prices: _Prices
-    bound: float
-    shares: dict[Window, np.ndarray]
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """The optimum of a linear program: its unknowns, the multipliers of its rows (not negative), what it minimised."""
-
-    values: np.ndarray
-    multipliers: np.ndarray
-    objective: float
-
-
-def _linear_program(
-    cost: np.ndarray, rows: np.ndarray, upper: np.ndarray, box: Sequence[tuple[float | None, float | None]]
-) -> _Solution | None:
-    """Return the optimum of `cost . x` with `rows . x <= upper` in a box; None if it is not found."""
-    linprog: Any = importlib.import_module("scipy.optimize").linprog  # Any: untyped in scipy, which takes 0.3 s to load
-    solution: Any = linprog(cost, rows, upper, bounds=box, method="highs")
-    if not solution.success:
-        return None
-    return _Solution(np.array(solution.x), -np.array(solution.ineqlin.marginals), float(solution.fun))
-
-
 class PriceSearch:
     """A search for the best prices around a flight, and for faster flights.
 
@@ -131,14 +103,13 @@ class PriceSearch:
         best: the flight.
         others: flights and plans on other routes.
         course: that they fly.
+        cruise: at which the race is planned.
         mesh: the settings of meshes.
         pool: what solves.
         report: takes what is being done, in words.
 
     Attributes:
         best: the fastest flight so far.
-        faster: the flights that were the fastest when they were found, the last of them first.
-        evaluated: the flights that windows were solved to from all starts, with what they cost at the prices of then.
     """
 
     def __init__(
@@ -146,20 +117,20 @@ class PriceSearch:
         best: CoarseSolution,
         others: Sequence[CoarseSolution | InitialGuess],
         course: Course,
+        cruise: PlanningModel,
         mesh: MeshSettings,
         pool: SolverPool,
         report: Callable[[str], None],
     ) -> None:
         self.best = best
-        self._course, self._mesh, self._pool, self._report = course, mesh, pool, report
+        self._course, self._cruise, self._mesh, self._pool, self._report = course, cruise, mesh, pool, report
         passages, ends = course.passages, (0, len(course.passages) - 1)
         self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
         counts = [len(phase) for phase in best.problem.mesh]
         self._others = [RaceGuess.of(finer_guess(other, mesh, counts)) for other in others]
         self._flights: dict[Window, list[WindowFlight]] = {}  # the best flight's piece first
         self._starts: dict[Window, list[WindowGuess]] = {}
-        self.faster: list[CoarseSolution] = []
-        self.evaluated: list[EvaluatedWindow] = []
+        self._evaluated: list[tuple[_Prices, Window, WindowFlight]] = []
         self._solves, self._unsolved = 0, 0
         states, nodes = best.problem.system.states, best.problem.first_node
         self._prices = _Prices(
@@ -170,7 +141,7 @@ class PriceSearch:
                 for gate in self._gates[1:-1]
             }
         )
-        self._take(best)
+        self._add_pieces(best)
 
     def rounds(self, gap: float) -> Iterator[LowerBound]:
         """Raise the bound until it is within a gap of the race time (1), or rises no more; yield it after every round.
@@ -184,28 +155,28 @@ class PriceSearch:
             self._starts[window] = [race.within(window) for race in self._others]
         self._add_starts(cover)
         starts = min(len(guesses) for guesses in self._starts.values())
-        radius, previous = RADIUS, -np.inf
+        radius, previous = TRUST_RADIUS, -np.inf
         for left in reversed(range(ROUNDS_MAX)):
             radius = self._ascend(cover, radius)
             solved = self._solve_from_all(cover)
             bound = self._bound(cover, self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
-            is_faster = self._fly_faster(cover)
+            is_faster = self._join(cover)
             is_near = bound >= (1.0 - gap) * self.best.race_time
-            is_settled = is_near or bound < previous + SETTLED * self.best.race_time
+            is_settled = is_near or bound < previous + BOUND_CHANGE_MIN * self.best.race_time
             is_last = left == 0 or (is_settled and not is_faster)
             yield self._result(cover, solved, starts, stopped=not is_last)
             if is_last:
                 return
+            radius = max(radius, TRUST_RADIUS)
+            previous = bound
             if is_faster:
                 self._add_starts(cover)
-                previous = -np.inf
-            else:
-                previous, radius = bound, max(radius, RADIUS)
+                previous = -np.inf  # further starts may lower the bound
 
     # the flights of the windows
 
-    def _take(self, flight: CoarseSolution) -> None:
+    def _add_pieces(self, flight: CoarseSolution) -> None:
         """Take the pieces of a whole flight as flights of all windows."""
         race, times = RaceGuess.of(flight), flight.iterate.durations + flight.error_penalty
         for window in self._windows():
@@ -221,18 +192,20 @@ class PriceSearch:
 
     def _add_starts(self, cover: Sequence[Window]) -> None:
         """Let windows start from the best flight, from it rolled, and from the moves around it as well."""
-        moved = moved_guesses(self.best, self._course, self._mesh)
+        moved = moved_guesses(self.best, self._course, self._cruise, self._mesh)
         race = RaceGuess.of(self.best)
         for window in cover:
             own, starts = race.within(window), self._starts[window]
             starts += [own, replace(own, barrier=InitialBarrier.COLD), *rolled_guesses(own)]
-            starts += [guess.within(window) for phases, guess in moved if not phases.isdisjoint(range(*window))]
+            for first, last, guess in moved:
+                if first <= window[1] and window[0] <= last:  # a gate that both share may be crossed otherwise
+                    starts.append(guess.within(window))
 
     def _nearest(self, priced: PricedWindow) -> list[WindowGuess]:
         """Return the known flights of least priced time that differ from one another."""
         chosen: list[WindowFlight] = []
         for flight in sorted(self._flights[priced.window], key=priced.time_of):
-            if len(chosen) < NEAREST and not any(flight.resembles(other, APART) for other in chosen):
+            if len(chosen) < NEAREST and not any(flight.resembles(other, DISTINCT_TOLERANCE) for other in chosen):
                 chosen.append(flight)
         return [flight.guess for flight in chosen]
 
@@ -243,7 +216,9 @@ class PriceSearch:
             if flight is None:
                 continue
             known, highest = self._flights[priced.window], priced.time_of(flight) + LOWERED_MIN
-            if not any(flight.resembles(other, ALIKE) and priced.time_of(other) < highest for other in known):
+            if not any(
+                flight.resembles(other, DUPLICATE_TOLERANCE) and priced.time_of(other) < highest for other in known
+            ):
                 known.append(flight)
         self._solves += len(jobs)
         self._unsolved += sum(flight is None for flight in outcomes)
@@ -267,17 +242,28 @@ class PriceSearch:
         outcomes = self._solve(jobs)
         near: dict[Window, list[WindowGuess]] = {window: [] for window in cover}
         solved = dict.fromkeys(cover, 0)
-        bound = self._bound(cover, self._prices)
         for (priced, guess), flight in zip(jobs, outcomes, strict=True):
             if flight is None:
                 continue
             solved[priced.window] += 1
-            beyond = priced.time_of(flight) - self._least(priced)
-            self.evaluated.append(EvaluatedWindow(priced.window, flight, bound + beyond))
-            if beyond <= PRUNED_LOSS:
+            self._evaluated.append((self._prices, priced.window, flight))
+            if priced.time_of(flight) <= self._least(priced) + PRUNED_LOSS:
                 near[priced.window].append(guess)
         self._starts = {window: near[window] or self._starts[window] for window in cover}
         return solved
+
+    def evaluated(self) -> list[EvaluatedWindow]:
+        """Return the flights that windows were solved to from all starts, as they are priced by all that is known."""
+        cover = list(self._starts)
+        bounds: dict[_Prices, float] = {}
+        evaluated: list[EvaluatedWindow] = []
+        for prices, window, flight in self._evaluated:
+            if prices not in bounds:
+                bounds[prices] = self._bound(cover, prices)
+            priced = prices.window(window)
+            beyond = priced.time_of(flight) - self._least(priced)
+            evaluated.append(EvaluatedWindow(window, flight, bounds[prices] + beyond))
+        return evaluated
 
     def _least(self, priced: PricedWindow) -> float:
         return min(map(priced.time_of, self._flights[priced.window]))
@@ -296,79 +282,49 @@ class PriceSearch:
         self._report("windows between gates")
         race, windows = RaceGuess.of(self.best), self._windows()
         outcomes = self._solve([(self._prices.window(window), race.within(window)) for window in windows])
-        solved = dict(zip(windows, outcomes, strict=True))
+        unsolved = {window for window, flight in zip(windows, outcomes, strict=True) if flight is None}
         best: dict[int, tuple[int, float, list[Window]]] = {0: (0, 0.0, [])}  # minus the unsolved, bound, windows
         for last in self._gates[1:]:
             choices: list[tuple[int, float, list[Window]]] = []
             for window in windows:
                 if window[1] == last:
-                    failures, bound, before = best[window[0]]
+                    solved, bound, before = best[window[0]]
                     bound += self._least(self._prices.window(window))
-                    choices.append((failures - (solved[window] is None), bound, [*before, window]))
+                    choices.append((solved - (window in unsolved), bound, [*before, window]))
             best[last] = max(choices, key=lambda choice: choice[:2])
         return best[self._gates[-1]][2]
 
     def _ascend(self, cover: Sequence[Window], radius: float) -> float:
         """Raise the bound by better prices; return how far weights may move at a time in the end, s."""
         bound = self._bound(cover, self._prices)
-        for _ in range(STEPS_MAX):
+        for _ in range(PROPOSALS_MAX):
             proposal = self._propose(cover, radius)
-            if proposal.bound < bound + RISE_MIN:
+            if proposal is None or proposal.bound < bound + RISE_MIN:
                 break
-            complete = self._solve_from_nearest(cover, proposal.prices)
-            reached, bound = self._bound(cover, proposal.prices), self._bound(cover, self._prices)
+            prices = self._prices.with_weights(proposal.weights)
+            complete = self._solve_from_nearest(cover, prices)
+            reached, bound = self._bound(cover, prices), self._bound(cover, self._prices)
             if complete and reached > bound + ASCENT_SHARE * (proposal.bound - bound):
-                self._prices, bound, radius = proposal.prices, reached, min(1.5 * radius, RADIUS_MAX)
+                self._prices, bound, radius = prices, reached, min(1.5 * radius, TRUST_RADIUS_MAX)
             elif not complete or reached < bound:
                 radius *= 0.6
-            if radius < RADIUS_MIN or bound >= (1.0 - SETTLED) * self.best.race_time:
+            if radius < TRUST_RADIUS_MIN or bound >= (1.0 - BOUND_CHANGE_MIN) * self.best.race_time:
                 break
         return radius
 
-    def _propose(self, cover: Sequence[Window], radius: float) -> _Proposal:
-        """Return the prices within a radius with the highest bound, as far as known flights tell: a linear program.
-
-        Its unknowns are the weights at every gate between windows, and the least priced time t of every window:
-        t <= duration + weights . features at the end - weights . features at the start, for each flight of it.
-        """
-        gates = [first for first, _ in cover[1:]]
-        centre = np.concatenate([self._prices.at[gate].weights for gate in gates]) if gates else np.zeros(0)
-        count = len(centre) // max(len(gates), 1)
-        begin = {gate: number * count for number, gate in enumerate(gates)}
-        rows: list[np.ndarray] = []
-        seconds: list[float] = []
-        for number, (first, last) in enumerate(cover):
-            for flight in self._flights[first, last]:
-                row = np.zeros(len(centre) + len(cover))
-                row[len(centre) + number] = 1.0
-                if first in begin:
-                    row[begin[first] : begin[first] + count] += flight.at_start
-                if last in begin:
-                    row[begin[last] : begin[last] + count] -= flight.at_end
-                rows.append(row)
-                seconds.append(flight.seconds)
-        cost = np.concatenate([np.zeros(len(centre)), -np.ones(len(cover))])
-        box = [*((weight - radius, weight + radius) for weight in centre), *([(None, None)] * len(cover))]
-        solution = _linear_program(cost, np.array(rows), np.array(seconds), box)
-        if solution is None:  # the prices stay as they are
-            shares = {window: self._shares_of_least(self._prices.window(window)) for window in cover}
-            return _Proposal(self._prices, self._bound(cover, self._prices), shares)
-        weights = solution.values[: len(centre)].reshape(len(gates), count)
-        ends = np.cumsum([len(self._flights[window]) for window in cover])[:-1]
-        shares = dict(zip(cover, np.split(solution.multipliers, ends), strict=True))
-        return _Proposal(self._prices.moved(gates, weights), -solution.objective, shares)
-
-    def _shares_of_least(self, priced: PricedWindow) -> np.ndarray:
-        times = np.array([priced.time_of(flight) for flight in self._flights[priced.window]])
-        return (np.arange(len(times)) == times.argmin()).astype(np.float64)
+    def _propose(self, cover: Sequence[Window], radius: float) -> Proposal | None:
+        weights = {gate: price.weights for gate, price in self._prices.at.items()}
+        return propose_weights({window: self._flights[window] for window in cover}, weights, radius)
 
     # faster flights
 
-    def _fly_faster(self, cover: Sequence[Window]) -> bool:
+    def _join(self, cover: Sequence[Window]) -> bool:
         """Join the flights that the prices would combine and solve them as a whole; return whether one is faster."""
-        shares = self._propose(cover, RADIUS_MAX).shares  # of known flights, little held back by the prices of now
         own = [self._flights[window][0] for window in cover]
-        combinations = [[self._flights[window][int(np.argmax(shares[window]))] for window in cover]]
+        combinations: list[list[WindowFlight]] = []
+        proposal = self._propose(cover, TRUST_RADIUS_MAX)  # little held back by the prices of now
+        if proposal is not None:
+            combinations = [[self._flights[window][int(np.argmax(proposal.shares[window]))] for window in cover]]
         for number, window in enumerate(cover):
             time_of = self._prices.window(window).time_of
             flight = min(self._flights[window], key=time_of)
@@ -376,23 +332,25 @@ class PriceSearch:
                 combinations.append([*own[:number], flight, *own[number + 1 :]])
         changed = [flights for flights in combinations if any(a is not b for a, b in zip(flights, own, strict=True))]
         jobs = [list(zip(cover, flights, strict=True)) for flights in changed]
-        outcomes = self._pool.work(jobs, self._join)
+        outcomes = self._pool.work(jobs, self._solve_joined)
         self._solves += len(jobs)
+        self._unsolved += sum(flight is None for flight in outcomes)
         faster = min((flight for flight in outcomes if flight), key=lambda flight: flight.race_time, default=self.best)
         if faster.race_time > self.best.race_time - SAVED_MIN:
             return False
         self.best = faster
-        self.faster.insert(0, faster)
-        self._take(faster)
+        self._add_pieces(faster)
         return True
 
-    def _join(self, service: SolverService, flights: Sequence[tuple[Window, WindowFlight]]) -> CoarseSolution | None:
+    def _solve_joined(
+        self, service: SolverService, flights: Sequence[tuple[Window, WindowFlight]]
+    ) -> CoarseSolution | None:
         """Solve the whole race from flights of all windows, end to end."""
         mesh = [fractions for (first, last), flight in flights for fractions in flight.race.mesh[first:last]]
         guess, base = concatenate([flight.iterate for _, flight in flights]), self.best.stage_problem
         nodes = np.cumsum([0, *(len(fractions) for fractions in mesh)]).tolist()
         decisions = decisions_from_solution(self._course, self.best.problem.system.states, guess.state, nodes)
-        planned = replace(base, plan=plan(self._course, base.plan.cruise, decisions))
+        planned = replace(base, plan=plan(self._course, self._cruise, decisions))
         return solve_coarse(service, InitialGuess(planned, mesh, guess, InitialBarrier.COARSE))
 
     def _result(self, cover: Sequence[Window], solved: dict[Window, int], starts: int, *, stopped: bool) -> LowerBound:

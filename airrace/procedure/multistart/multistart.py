@@ -75,15 +75,28 @@ class FoundRoutes:
     Attributes:
         starts: flights to be refined and checked, the best first; empty if no start converged.
         search_report: returns the report on the search, compared with the start of that number.
-        near_count: how many of the first starts may be the fastest, as far as their rough race times tell.
-        by_prices: the outcome after every round of a price search, which is made as it is asked for: starts on the same
-            routes, then further ones that prices have led to, the fastest last. Empty without a price search.
+        near_count: number of the first starts among which the fastest may be, as far as their rough race times tell.
+        by_prices: the outcome of every round of a price search, which is made as it is asked for. Empty without one.
     """
 
     starts: tuple[Start, ...]
     search_report: Callable[[int], SearchReport]
     near_count: int = 1
-    by_prices: Iterable["FoundRoutes"] = ()
+    by_prices: Iterable["PricedRound"] = ()
+
+
+@dataclass(frozen=True)
+class PricedRound:
+    """The outcome of a round of a price search.
+
+    Attributes:
+        further_start: the flight that prices have led to, to be refined and checked as the next start; None if there is
+            none, or if a flight on its route that takes hardly longer was refined before.
+        search_report: as of the routes, compared with any start so far.
+    """
+
+    further_start: Start | None
+    search_report: Callable[[int], SearchReport]
 
 
 def search_routes(
@@ -125,55 +138,80 @@ def search_routes(
         result = search.result()
     seconds = time.perf_counter() - began
     pace = budget.planning_radius.scale(stage_problem.plan.cruise)
+    near = [number for number, flight in enumerate(compared) if _is_near(flight, compared[0])]
+    starts_of_routes, near_count = tuple(map(_start_from, compared)), max(near, default=0) + 1
+    record = _SearchRecord(result, compared, course, pace, seconds)
     if gap is None or not compared or not math.isfinite(compared[0].race_time):
-        return _found_routes(result, compared, course, pace, seconds)
-
-    def by_prices() -> Iterator[FoundRoutes]:
-        plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
-        flights = [*_distinct(result.flights, course, PRICED_FLIGHTS_MAX), *plans]
-        known, refined_times, joined = [*compared], [flight.race_time for flight in compared], 0
-        total, began = seconds, time.perf_counter()
-        with session.pool() as pool:
-            prices = PriceSearch(compared[0], flights, course, session.settings.mesh, pool, report_progress)
-            for bound in prices.rounds(gap):
-                for faster in _refine(pool, session, prices.faster[: len(prices.faster) - joined]):
-                    same = [place for place, flight in enumerate(known) if not _distinct([flight, faster], course)[1:]]
-                    if same and faster.race_time > refined_times[same[0]] - JOINED_GAIN:
-                        known[same[0]] = faster
-                    else:
-                        known.append(faster)
-                        refined_times.append(faster.race_time)
-                joined = len(prices.faster)
-                total += time.perf_counter() - began
-                yield _found_routes(result, [*known], course, pace, total, bound, [*prices.evaluated])
-                began = time.perf_counter()
-
+        return FoundRoutes(starts_of_routes, record.report, near_count)
     unknown = LowerBound(0.0, compared[0].race_time, LEGS_MAX, 0, 0, 0, (), stopped=True)
-    return replace(_found_routes(result, compared, course, pace, seconds, unknown), by_prices=by_prices())
+    rounds = _search_by_prices(record, stage_problem, session, budget, gap)
+    return FoundRoutes(starts_of_routes, replace(record, bound=unknown).report, near_count, rounds)
 
 
-def _found_routes(
-    result: SearchResult,
-    flights: Sequence[CoarseSolution],
-    course: Course,
-    pace: PlanningModel,
-    seconds: float,
-    bound: LowerBound | None = None,
-    windows: Sequence[EvaluatedWindow] = (),
-) -> FoundRoutes:
-    """Return the outcome of a search that took so many seconds, with flights on the mesh of the comparison."""
+def _search_by_prices(
+    record: "_SearchRecord", stage_problem: StageProblem, session: SolverSession, budget: SearchBudget, gap: float
+) -> Iterator[PricedRound]:
+    """Go on with a search by prices; yield the outcome of every round."""
+    course, cruise = record.course, stage_problem.plan.cruise
+    segments = segments_of(course)
+    plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
+    others = [*_distinct(record.result.flights, course, PRICED_FLIGHTS_MAX), *plans]
+    flights, refined_times = [*record.flights], [flight.race_time for flight in record.flights]
+    best, seconds, began = flights[0], record.seconds, time.perf_counter()
 
-    def search_report(number: int) -> SearchReport:
-        if not flights:
-            return SearchReport((), 0, 0, result.failed, seconds, ())
-        return replace(_report(result, flights[number], course, pace, seconds, windows), bound=bound)
+    def report_progress(text: str) -> None:
+        session.progress.activity(text, 0, 0)
 
-    barrier = InitialBarrier.COARSE
-    starts = tuple(
-        Start(flight.stage_problem, flight.problem, flight.iterate, barrier, multipliers=flight.multipliers)
-        for flight in flights
-    )
-    return FoundRoutes(starts, search_report, sum(_is_near(flight, flights[0]) for flight in flights))
+    with session.pool() as pool:
+        prices = PriceSearch(best, others, course, cruise, session.settings.mesh, pool, report_progress)
+        for bound in prices.rounds(gap):
+            further_start: Start | None = None
+            if prices.best is not best:
+                best = prices.best
+                (joined,) = _refine(pool, session, [best])
+                same = [number for number, flight in enumerate(flights) if not differing(flight, joined, segments)]
+                fastest = min(same, key=lambda number: refined_times[number], default=None)
+                if fastest is not None and joined.race_time > refined_times[fastest] - JOINED_GAIN:
+                    flights[fastest] = joined
+                else:
+                    flights.append(joined)
+                    refined_times.append(joined.race_time)
+                    further_start = _start_from(joined)
+            seconds += time.perf_counter() - began
+            further = flights[len(record.flights) :]
+            result = replace(record.result, flights=(*record.result.flights, *further))
+            priced = _SearchRecord(result, [*flights], course, record.pace, seconds, bound, prices.evaluated())
+            yield PricedRound(further_start, priced.report)
+            began = time.perf_counter()
+
+
+def _start_from(flight: CoarseSolution) -> Start:
+    barrier, multipliers = InitialBarrier.COARSE, flight.multipliers
+    return Start(flight.stage_problem, flight.problem, flight.iterate, barrier, multipliers=multipliers)
+
+
+@dataclass(frozen=True, eq=False)
+class _SearchRecord:
+    """What a search has evaluated in so many seconds: routes, flights on the mesh of the comparison, windows."""
+
+    result: SearchResult
+    flights: Sequence[CoarseSolution]
+    course: Course
+    pace: PlanningModel
+    seconds: float
+    bound: LowerBound | None = None
+    windows: Sequence[EvaluatedWindow] = ()
+
+    def report(self, number: int) -> SearchReport:
+        """Return the report, compared with one of the flights."""
+        if not self.flights:
+            return SearchReport((), 0, 0, self.result.failed, self.seconds, ())
+        flight = self.flights[number]
+        report = _report(self.result, flight, self.course, self.pace, self.seconds, self.windows)
+        if self.bound is None:
+            return report
+        # the flight may be slower than the best, which has failed its check or is harder to fly
+        return replace(report, bound=replace(self.bound, race_time=max(self.bound.race_time, flight.race_time)))
 
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
@@ -211,9 +249,10 @@ def _with_best_rolls(search: Search, compared: list[CoarseSolution]) -> list[Coa
     if not compared:
         return compared
     best, *slower = compared
-    near = [flight for flight in slower if _is_near(flight, best)]
-    improved = [search.improve_rolls(best), *(search.improve_rolls(flight, unlike=best) for flight in near)]
-    return sorted([*improved, *slower[len(near) :]], key=lambda flight: flight.race_time)
+    improved = [search.improve_rolls(best)]
+    for flight in slower:
+        improved.append(search.improve_rolls(flight, unlike=best) if _is_near(flight, best) else flight)
+    return sorted(improved, key=lambda flight: flight.race_time)
 
 
 def _report(

@@ -23,12 +23,11 @@ from airrace.procedure.multistart.coarse_solution import (
 from airrace.procedure.multistart.gate_prices import PRICE, GatePrice
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.search import QUICK
+from airrace.procedure.multistart.window import ITERATIONS_MAX
+from airrace.procedure.planning.planning_model import PlanningModel
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-
-ITERATIONS_MAX = 100
-"""The largest number of iterations of a window."""
 
 Window = tuple[int, int]
 """The passages at which a window begins and ends."""
@@ -167,21 +166,20 @@ class RaceGuess:
         return WindowGuess(self.stage_problem, self.race, concatenate(self.pieces[first:last]), self.barrier)
 
 
-def moved_guesses(best: CoarseSolution, course: Course, mesh: MeshSettings) -> list[tuple[frozenset[int], RaceGuess]]:
-    """Return a flight with each of the moves around it made, alone, and the phases whose route that changes."""
-    generator = MoveGenerator(best, course, QUICK.planning_radius.scale(best.stage_problem.plan.cruise))
+def moved_guesses(
+    best: CoarseSolution, course: Course, cruise: PlanningModel, mesh: MeshSettings
+) -> list[tuple[int, int, RaceGuess]]:
+    """Return a flight with each of the moves around it made, alone, and the passages between which that changes it."""
+    generator = MoveGenerator(best, course, QUICK.planning_radius.scale(cruise))
     everywhere = set(range(len(best.problem.phases)))
     counts = [len(phase) for phase in best.problem.mesh]
-    guesses: list[tuple[frozenset[int], RaceGuess]] = []
+    guesses: list[tuple[int, int, RaceGuess]] = []
     for move in (*generator.moves(everywhere), *generator.rolls(everywhere)):
         pieces = [phase_piece(best.iterate, best.problem, index) for index in range(len(best.problem.phases))]
-        fractions = best.problem.mesh
-        for index, piece in zip(move.phases, move.pieces, strict=True):
-            count = piece.control.shape[1]
-            pieces[index] = piece
-            if len(fractions[index]) != count:
-                fractions[index] = (1.0 / count,) * count
-        start = InitialGuess(move.stage_problem, fractions, concatenate(pieces), InitialBarrier.PIECES)
-        changed = range(move.segment.first, move.segment.last) if move.own is None else move.own
-        guesses.append((frozenset(changed), RaceGuess.of(finer_guess(start, mesh, counts))))
+        pieces[move.first : move.last] = move.pieces
+        start = InitialGuess(move.stage_problem, move.mesh, concatenate(pieces), InitialBarrier.PIECES)
+        first, last = move.segment.first, move.segment.last
+        if move.own is not None:
+            first, last = move.own.start, move.own.stop
+        guesses.append((first, last, RaceGuess.of(finer_guess(start, mesh, counts))))
     return guesses

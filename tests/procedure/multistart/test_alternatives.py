@@ -17,7 +17,7 @@ from airrace.files.checkpoint import Checkpoint, StoredDocument, StoredInputs, r
 from airrace.procedure import first_solutions, mesh_check, procedure, pylon_sides
 from airrace.procedure.homotopy import HomotopyOutcome
 from airrace.procedure.mesh_loop import Failure, solve_certified
-from airrace.procedure.multistart.multistart import FoundRoutes
+from airrace.procedure.multistart.multistart import FoundRoutes, PricedRound
 from airrace.procedure.procedure import CARRIED_LAG, check_stage_mesh, optimize, solve_point_mass, solve_stage_above
 from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
@@ -272,16 +272,14 @@ def priced_stages(
     """The point mass of a search whose prices join one flight in each round, after the first and after every round;
     and how many of the joined flights were solved."""
     coarse = planned_coarse_solution(SMALL)
-    starts = (Start(coarse.stage_problem, coarse.problem, coarse.iterate, 1.0),) * (1 + len(joined))
-    found = [
-        FoundRoutes(
-            starts[: 1 + number], lambda route: SearchReport(routes=(Route(f"route {route}", 9.0, 0.0, "joint"),))
-        )
-        for number in range(1 + len(joined))
-    ]
+    start = Start(coarse.stage_problem, coarse.problem, coarse.iterate, 1.0)
+
+    def search_report(number: int) -> SearchReport:
+        return SearchReport(routes=(Route(f"route {number}", 9.0, 0.0, "joint"),))
+
     answers = Answers(first, *joined)
     monkeypatch.setattr(procedure, "solve_from_starts", answers)
-    routes = dataclasses.replace(found[0], by_prices=found[1:])
+    routes = FoundRoutes((start,), search_report, by_prices=[PricedRound(start, search_report)] * len(joined))
     monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
     with open_session(QUICK) as session:
         results = list(solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None))

@@ -43,7 +43,8 @@ def price_search(
     with open_session(OFF) as session, session.pool() as pool:
         flight = flight or planned_coarse_solution(race)
         plans = [*own_plans(prepared(race)), *others]
-        yield PriceSearch(flight, plans, race.course, OFF.mesh, pool, lambda _: None), pool
+        cruise = prepared(race).plan.cruise
+        yield PriceSearch(flight, plans, race.course, cruise, OFF.mesh, pool, lambda _: None), pool
 
 
 STATES = prepared(SLALOM).model.system.states
@@ -176,7 +177,7 @@ def test_starts_that_all_fail_are_tried_at_other_prices(monkeypatch: pytest.Monk
 
 
 def test_prices_stay_where_the_linear_program_has_no_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lower_bound, "_linear_program", lambda *_: None)
+    monkeypatch.setattr(lower_bound, "propose_weights", lambda *_: None)
     with price_search(SLALOM) as (search, _):
         *_, bound = search.rounds(1.0)
     assert 0.0 < bound.seconds <= bound.race_time == search.best.race_time
@@ -205,6 +206,51 @@ def test_windows_are_solved_on_the_mesh_of_the_comparison_from_every_start(monke
         mesh = guess.race.mesh[slice(*priced.window)]
         for fractions, seconds in zip(mesh, guess.iterate.durations.tolist(), strict=True):
             assert max(fractions) * seconds <= COMPARED_SECONDS
+
+
+def test_windows_start_from_moves_that_change_a_gate_at_their_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gate that is crossed otherwise changes the window behind it, too."""
+    moved = replace(RaceGuess.of(planned_coarse_solution(SLALOM)), barrier=InitialBarrier.OTHER_PROBLEM)
+    monkeypatch.setattr(lower_bound, "moved_guesses", lambda *_: [(0, 1, moved)])
+    monkeypatch.setattr(lower_bound, "LEGS_MAX", 1)
+    started: set[tuple[int, int]] = set()
+
+    def record(_: SolverService, job: tuple[PricedWindow, WindowGuess]) -> None:
+        priced, guess = job
+        if guess.barrier is moved.barrier:
+            started.add(priced.window)
+
+    monkeypatch.setattr(lower_bound, "_solve_window", record)
+    with price_search(SLALOM) as (search, _):
+        list(search.rounds(0.01))
+    assert started == {(0, 1), (1, 2)}
+
+
+def test_routes_through_windows_are_priced_by_all_that_is_known_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each window has its fastest flight in another round, and yet the best of each stand for the same race."""
+    begun: list[None] = []
+    solve_from_all = PriceSearch._solve_from_all
+
+    def count_rounds(search: PriceSearch, cover: Sequence[tuple[int, int]]) -> dict[tuple[int, int], int]:
+        begun.append(None)
+        return solve_from_all(search, cover)
+
+    def solve_a_second_faster_in_its_round(self: PricedWindow, _: SolverService, guess: WindowGuess) -> WindowFlight:
+        saved = 1.0 if self.window[0] == len(begun) - 1 else 0.0
+        return self.flight(guess, guess.iterate, float(guess.iterate.durations.sum()) - saved)
+
+    monkeypatch.setattr(PriceSearch, "_solve_from_all", count_rounds)
+    monkeypatch.setattr(PricedWindow, "solve", solve_a_second_faster_in_its_round)
+    monkeypatch.setattr(lower_bound, "LEGS_MAX", 1)
+    monkeypatch.setattr(lower_bound, "propose_weights", lambda *_: None)  # the prices stay
+    monkeypatch.setattr(lower_bound, "solve_coarse", lambda *_: None)
+    with price_search(SLALOM) as (search, _):
+        *_, bound = search.rounds(0.0)
+    assert len(begun) > 1
+    least: dict[tuple[int, int], float] = {}
+    for evaluated in search.evaluated():
+        least[evaluated.window] = min(evaluated.race_time, least.get(evaluated.window, math.inf))
+    assert [least[0, 1], least[1, 2]] == pytest.approx([bound.seconds] * 2)
 
 
 def test_flight_whose_errors_are_unknown_has_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,15 +289,15 @@ class Unused:
 class Joining:
     """A price search that joins one flight in each of its rounds."""
 
+    best: CoarseSolution
     flights: Sequence[CoarseSolution]
 
-    def __post_init__(self) -> None:
-        self.faster: list[CoarseSolution] = []
-        self.evaluated: list[object] = []
+    def evaluated(self) -> list[object]:
+        return []
 
     def rounds(self, _: float) -> Iterator[LowerBound]:
         for flight in self.flights:
-            self.faster.insert(0, flight)
+            self.best = flight
             yield LowerBound(1.0, flight.race_time, 1, 1, 1, 0, (BoundedWindow("a -> b", 1, 0.0, 1),), stopped=True)
 
 
@@ -265,20 +311,29 @@ def test_joined_flight_is_a_further_start_only_on_another_route_or_where_it_is_m
         share = 1.0 - seconds / float(iterate.durations.sum())
         return replace(base, iterate=replace(iterate, durations=share * iterate.durations))
 
-    joined = [faster(0.03), faster(0.04), faster(0.05, roll.flight), faster(0.06)]
-    monkeypatch.setattr(multistart, "PriceSearch", lambda *_: Joining(joined))
+    joined = [faster(0.03), faster(0.04), faster(0.05, roll.flight), faster(0.06), faster(0.07)]
+    monkeypatch.setattr(multistart, "PriceSearch", lambda best, *_: Joining(best, joined))
     monkeypatch.setattr(multistart, "solve_finer", lambda _, coarse, **__: coarse)
+    reports: list[list[float]] = []
+    further: list[bool] = []
+    joint: set[float] = set()
     with open_session(OFF) as session:
         routes = multistart.search_routes(
             prepared(SLALOM), SLALOM.course, session, NO_MOVES, starts=[], solved=[base], gap=0.01
         )
-        reports = [
-            [priced.search_report(number).routes[0].race_time for number in range(len(priced.starts))]
-            for priced in routes.by_prices
-        ]
-    assert [len(times) for times in reports] == [1, 1, 2, 3]
+        for priced in routes.by_prices:
+            further.append(priced.further_start is not None)
+            searches = [priced.search_report(number) for number in range(1 + sum(further))]
+            reports.append([search.routes[0].race_time for search in searches])
+            bounds = [search.bound for search in searches if search.bound is not None]
+            # each is that of the flight that is compared
+            assert [bound.race_time for bound in bounds] == reports[-1]
+            joint = {route.race_time for search in searches for route in search.routes if route.evaluated_by == "joint"}
+    assert further == [False, False, True, True, False]  # the last one is hardly faster than the one refined before it
     assert reports[1] == [joined[1].race_time]  # compared with the fastest on its route
-    assert reports[3] == [flight.race_time for flight in joined[1:]]
+    assert reports[3] == [flight.race_time for flight in joined[1:4]]
+    assert reports[4] == [joined[1].race_time, joined[2].race_time, joined[4].race_time]
+    assert {joined[2].race_time, joined[4].race_time} <= joint  # joined flights are among the routes
 
 
 def test_plan_without_ties_is_one_start() -> None:

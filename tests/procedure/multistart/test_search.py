@@ -28,7 +28,7 @@ from airrace.optimal_control.trajectory import Trajectory
 from airrace.pages.views.stage_tables import claim, search_table
 from airrace.procedure import procedure, restart
 from airrace.procedure.mesh_loop import solve_certified
-from airrace.procedure.multistart import search
+from airrace.procedure.multistart import multistart, search
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
@@ -148,6 +148,32 @@ def test_moves_with_much_faster_plans_are_solved_jointly_where_their_windows_fai
     again, tried = improved_without_windows(right)
     assert again is right
     assert tried == 0  # no plan is much faster than that of a good flight
+
+
+def test_rolls_are_tried_of_all_flights_that_may_be_the_fastest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flight of large errors may be, though a slower one than another whose time is known better."""
+    base = planned_coarse_solution(SLALOM)
+    share = [1.0, 1.02, 0.999]
+    flights = [
+        dataclasses.replace(base, iterate=dataclasses.replace(base.iterate, durations=factor * base.iterate.durations))
+        for factor in share
+    ]
+    flights[2] = dataclasses.replace(flights[2], errors=np.full_like(base.errors, 1.0))  # so it comes last
+    budget = dataclasses.replace(BUDGET, iterations=0)
+    rolled: list[CoarseSolution] = []
+
+    def record(_: Search, flight: CoarseSolution, unlike: CoarseSolution | None = None) -> CoarseSolution:
+        rolled.append(flight)
+        return flight
+
+    monkeypatch.setattr(Search, "improve_rolls", record)
+    monkeypatch.setattr(multistart, "_distinct", lambda flights, *_: flights)
+    monkeypatch.setattr(multistart, "_refine", lambda *_: flights)
+    with open_session() as session:
+        routes = search_routes(prepared(SLALOM), SLALOM.course, session, budget, starts=[], solved=flights)
+    assert rolled == [flights[0], flights[2]]
+    assert len(routes.starts) == 3
+    assert routes.near_count == 3
 
 
 def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: pytest.MonkeyPatch) -> None:
