@@ -141,6 +141,7 @@ class PriceSearch:
                 for gate in self._gates[1:-1]
             }
         )
+        self._joined: list[list[WindowFlight]] = []
         self._add_pieces(best)
 
     def rounds(self, gap: float) -> Iterator[LowerBound]:
@@ -177,7 +178,7 @@ class PriceSearch:
     # the flights of the windows
 
     def _add_pieces(self, flight: CoarseSolution) -> None:
-        """Take the pieces of a whole flight as flights of all windows."""
+        """Put the pieces of the best flight before the known flights of all windows."""
         race, times = RaceGuess.of(flight), flight.iterate.durations + flight.error_penalty
         for window in self._windows():
             guess, seconds = race.within(window), float(times[window[0] : window[1]].sum())
@@ -321,6 +322,7 @@ class PriceSearch:
     def _join(self, cover: Sequence[Window]) -> bool:
         """Join the flights that the prices would combine and solve them as a whole; return whether one is faster."""
         own = [self._flights[window][0] for window in cover]
+        self._joined.append(own)
         combinations: list[list[WindowFlight]] = []
         proposal = self._propose(cover, TRUST_RADIUS_MAX)  # little held back by the prices of now
         if proposal is not None:
@@ -330,19 +332,36 @@ class PriceSearch:
             flight = min(self._flights[window], key=time_of)
             if time_of(flight) < time_of(own[number]) - SAVED_MIN:
                 combinations.append([*own[:number], flight, *own[number + 1 :]])
-        changed = [flights for flights in combinations if any(a is not b for a, b in zip(flights, own, strict=True))]
-        jobs = [list(zip(cover, flights, strict=True)) for flights in changed]
-        outcomes = self._pool.work(jobs, self._solve_joined)
-        self._solves += len(jobs)
-        self._unsolved += sum(flight is None for flight in outcomes)
-        faster = min((flight for flight in outcomes if flight), key=lambda flight: flight.race_time, default=self.best)
-        if faster.race_time > self.best.race_time - SAVED_MIN:
+        faster = self._solve_joined(cover, combinations)
+        if len(faster) > 1:  # what saves time by itself in several windows
+            together = list(own)
+            for flights, _ in faster:
+                for number, flight in enumerate(flights):
+                    if together[number] is own[number]:
+                        together[number] = flight
+            faster += self._solve_joined(cover, [together])
+        if not faster:
             return False
-        self.best = faster
-        self._add_pieces(faster)
+        self.best = min((flight for _, flight in faster), key=lambda flight: flight.race_time)
+        self._add_pieces(self.best)
         return True
 
     def _solve_joined(
+        self, cover: Sequence[Window], combinations: Sequence[list[WindowFlight]]
+    ) -> list[tuple[list[WindowFlight], CoarseSolution]]:
+        """Return those of the combinations that are faster as a whole race, the fastest first; none is solved twice."""
+        new = [flights for flights in combinations if flights not in self._joined]
+        self._joined += new
+        outcomes = self._pool.work([list(zip(cover, flights, strict=True)) for flights in new], self._solve_race)
+        self._solves += len(new)
+        self._unsolved += sum(flight is None for flight in outcomes)
+        faster: list[tuple[list[WindowFlight], CoarseSolution]] = []
+        for flights, flight in zip(new, outcomes, strict=True):
+            if flight is not None and flight.race_time < self.best.race_time - SAVED_MIN:
+                faster.append((flights, flight))
+        return sorted(faster, key=lambda pair: pair[1].race_time)
+
+    def _solve_race(
         self, service: SolverService, flights: Sequence[tuple[Window, WindowFlight]]
     ) -> CoarseSolution | None:
         """Solve the whole race from flights of all windows, end to end."""
