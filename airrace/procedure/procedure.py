@@ -328,15 +328,16 @@ def _search_and_solve(
         yield replace(_with_log(choice.result, session), search=replace(report, bound=None))
         return
     yield replace(_with_log(choice.result, session), search=report)
-    count = len(routes.starts)
+    route_count = len(routes.starts)
     for priced in routes.by_prices:
         if priced.further_start is not None:
-            count += 1
-            before, faster = choice.result, _solve_from(priced.further_start, strategy, session)
+            route_count += 1
+            before, faster = choice.result.trajectory, _solve_from(priced.further_start, strategy, session)
             if faster.holds:
-                choice = _choose_route(models, session, [*choice.results, faster], [*choice.numbers, count - 1])
-            if choice.result is not before or not faster.holds:
-                _warn_of_search(choice.result, priced.search_report(choice.route), priced.search_report(count - 1))
+                choice = _choose_route(models, session, [*choice.results, faster], [*choice.numbers, route_count - 1])
+            if choice.result.trajectory is not before or not faster.holds:
+                expected = priced.search_report(route_count - 1)
+                _warn_of_search(choice.result, priced.search_report(choice.route), expected)
         yield replace(_with_log(choice.result, session), search=priced.search_report(choice.route))
 
 

@@ -269,7 +269,7 @@ def bound_text(bound: LowerBound) -> str:
     faster = bound.race_time * bound.gap
     text = (
         f"no flight is more than {100.0 * bound.gap:.2f} % ({faster:.2f} s) faster, as far as windows of up to "
-        f"{bound.legs_max} legs were solved globally by {bound.starts} starts each"
+        f"{bound.legs_max} legs were solved globally by at least {bound.starts} starts each"
     )
     widest = max(bound.windows, key=lambda window: window.slack)
     if widest.slack >= SLACK_TOLD:

@@ -31,6 +31,7 @@ from airrace.procedure.multistart.priced_window import (
     moved_guesses,
     rolled_guesses,
 )
+from airrace.procedure.multistart.search import SAVED_MIN
 from airrace.procedure.planning.plan import decisions_from_solution, plan
 from airrace.procedure.planning.planning_model import PlanningModel
 from airrace.procedure.result import BoundedWindow, LowerBound
@@ -47,12 +48,10 @@ TRUST_RADIUS, TRUST_RADIUS_MIN, TRUST_RADIUS_MAX = 0.05, 0.001, 0.5
 """How far weights may move at a time (s): at first, at least and at most."""
 ASCENT_SHARE = 0.1
 """The share of the rise that a proposal promises by which the bound must rise (1)."""
-RISE_MIN = 1e-6
+PROPOSAL_RISE_MIN = 1e-6
 """The least rise for which proposed prices are tried, s."""
 BOUND_CHANGE_MIN = 0.001
 """The share of the race time by which a round must change the bound for another one (1)."""
-SAVED_MIN = 0.003
-"""The time that joined flights must save for another round, s."""
 PRUNED_LOSS = 1.0
 """The priced time beyond the least at which a start is not tried again, s."""
 NEAREST = 2
@@ -141,6 +140,7 @@ class PriceSearch:
                 for gate in self._gates[1:-1]
             }
         )
+        self._cover: list[Window] = []  # windows that make up the race, once they are chosen
         self._joined: list[list[WindowFlight]] = []
         self._add_pieces(best)
 
@@ -151,28 +151,27 @@ class PriceSearch:
         search: all bounds but the last say so. `best` is a faster flight then, if there is any among the flights that
         the windows lead to.
         """
-        cover = self._choose_cover()
-        for window in cover:
+        self._cover = self._choose_cover()
+        for window in self._cover:
             self._starts[window] = [race.within(window) for race in self._others]
-        self._add_starts(cover)
+        self._add_starts()
         starts = min(len(guesses) for guesses in self._starts.values())
         radius, previous = TRUST_RADIUS, -np.inf
         for left in reversed(range(ROUNDS_MAX)):
-            radius = self._ascend(cover, radius)
-            solved = self._solve_from_all(cover)
-            bound = self._bound(cover, self._prices)
+            radius = self._ascend(radius)
+            solved = self._solve_from_all()
+            bound = self._bound(self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
-            is_faster = self._join(cover)
+            is_faster = self._join()
             is_near = bound >= (1.0 - gap) * self.best.race_time
             is_settled = is_near or bound < previous + BOUND_CHANGE_MIN * self.best.race_time
             is_last = left == 0 or (is_settled and not is_faster)
-            yield self._result(cover, solved, starts, stopped=not is_last)
+            yield self._result(solved, starts, stopped=not is_last)
             if is_last:
                 return
-            radius = max(radius, TRUST_RADIUS)
-            previous = bound
+            radius, previous = max(radius, TRUST_RADIUS), bound
             if is_faster:
-                self._add_starts(cover)
+                self._add_starts()
                 previous = -np.inf  # further starts may lower the bound
 
     # the flights of the windows
@@ -191,16 +190,18 @@ class PriceSearch:
             windows += [(first, last) for last in self._gates[number + 1 : number + 1 + LEGS_MAX]]
         return windows
 
-    def _add_starts(self, cover: Sequence[Window]) -> None:
+    def _add_starts(self) -> None:
         """Let windows start from the best flight, from it rolled, and from the moves around it as well."""
         moved = moved_guesses(self.best, self._course, self._cruise, self._mesh)
         race = RaceGuess.of(self.best)
-        for window in cover:
+        for window in self._cover:
             own, starts = race.within(window), self._starts[window]
             starts += [own, replace(own, barrier=InitialBarrier.COLD), *rolled_guesses(own)]
             for first, last, guess in moved:
                 if first <= window[1] and window[0] <= last:  # a gate that both share may be crossed otherwise
-                    starts.append(guess.within(window))
+                    start = guess.within(window)
+                    if not np.array_equal(start.iterate.state, own.iterate.state):
+                        starts.append(start)
 
     def _nearest(self, priced: PricedWindow) -> list[WindowGuess]:
         """Return the known flights of least priced time that differ from one another."""
@@ -225,24 +226,24 @@ class PriceSearch:
         self._unsolved += sum(flight is None for flight in outcomes)
         return outcomes
 
-    def _solve_from_nearest(self, cover: Sequence[Window], prices: _Prices) -> bool:
+    def _solve_from_nearest(self, prices: _Prices) -> bool:
         """Solve windows from the nearest known flights; return whether every window has led to a flight."""
-        jobs = [(priced, guess) for priced in map(prices.window, cover) for guess in self._nearest(priced)]
+        jobs = [(priced, guess) for priced in map(prices.window, self._cover) for guess in self._nearest(priced)]
         solved = {
             priced.window for (priced, _), flight in zip(jobs, self._solve(jobs), strict=True) if flight is not None
         }
-        return len(solved) == len(cover)
+        return len(solved) == len(self._cover)
 
-    def _solve_from_all(self, cover: Sequence[Window]) -> dict[Window, int]:
+    def _solve_from_all(self) -> dict[Window, int]:
         """Solve windows from all starts; return how many of each have led to a flight.
 
         Starts are pruned by their priced times: one that leads to no flight, or to one far from the least, is not
         tried again, unless all of a window's are such.
         """
-        jobs = [(self._prices.window(window), guess) for window in cover for guess in self._starts[window]]
+        jobs = [(self._prices.window(window), guess) for window in self._cover for guess in self._starts[window]]
         outcomes = self._solve(jobs)
-        near: dict[Window, list[WindowGuess]] = {window: [] for window in cover}
-        solved = dict.fromkeys(cover, 0)
+        near: dict[Window, list[WindowGuess]] = {window: [] for window in self._cover}
+        solved = dict.fromkeys(self._cover, 0)
         for (priced, guess), flight in zip(jobs, outcomes, strict=True):
             if flight is None:
                 continue
@@ -250,17 +251,16 @@ class PriceSearch:
             self._evaluated.append((self._prices, priced.window, flight))
             if priced.time_of(flight) <= self._least(priced) + PRUNED_LOSS:
                 near[priced.window].append(guess)
-        self._starts = {window: near[window] or self._starts[window] for window in cover}
+        self._starts = {window: near[window] or self._starts[window] for window in self._cover}
         return solved
 
     def evaluated(self) -> list[EvaluatedWindow]:
         """Return the flights that windows were solved to from all starts, as they are priced by all that is known."""
-        cover = list(self._starts)
         bounds: dict[_Prices, float] = {}
         evaluated: list[EvaluatedWindow] = []
         for prices, window, flight in self._evaluated:
             if prices not in bounds:
-                bounds[prices] = self._bound(cover, prices)
+                bounds[prices] = self._bound(prices)
             priced = prices.window(window)
             beyond = priced.time_of(flight) - self._least(priced)
             evaluated.append(EvaluatedWindow(window, flight, bounds[prices] + beyond))
@@ -269,8 +269,8 @@ class PriceSearch:
     def _least(self, priced: PricedWindow) -> float:
         return min(map(priced.time_of, self._flights[priced.window]))
 
-    def _bound(self, cover: Sequence[Window], prices: _Prices) -> float:
-        return sum(self._least(prices.window(window)) for window in cover)
+    def _bound(self, prices: _Prices) -> float:
+        return sum(self._least(prices.window(window)) for window in self._cover)
 
     # the prices
 
@@ -289,23 +289,23 @@ class PriceSearch:
             choices: list[tuple[int, float, list[Window]]] = []
             for window in windows:
                 if window[1] == last:
-                    solved, bound, before = best[window[0]]
+                    minus_unsolved, bound, before = best[window[0]]
                     bound += self._least(self._prices.window(window))
-                    choices.append((solved - (window in unsolved), bound, [*before, window]))
+                    choices.append((minus_unsolved - (window in unsolved), bound, [*before, window]))
             best[last] = max(choices, key=lambda choice: choice[:2])
         return best[self._gates[-1]][2]
 
-    def _ascend(self, cover: Sequence[Window], radius: float) -> float:
+    def _ascend(self, radius: float) -> float:
         """Raise the bound by better prices; return how far weights may move at a time in the end, s."""
-        bound = self._bound(cover, self._prices)
+        bound = self._bound(self._prices)
         for _ in range(PROPOSALS_MAX):
-            proposal = self._propose(cover, radius)
-            if proposal is None or proposal.bound < bound + RISE_MIN:
+            proposal = self._propose(radius)
+            if proposal is None or proposal.promised < bound + PROPOSAL_RISE_MIN:
                 break
             prices = self._prices.with_weights(proposal.weights)
-            complete = self._solve_from_nearest(cover, prices)
-            reached, bound = self._bound(cover, prices), self._bound(cover, self._prices)
-            if complete and reached > bound + ASCENT_SHARE * (proposal.bound - bound):
+            complete = self._solve_from_nearest(prices)
+            reached, bound = self._bound(prices), self._bound(self._prices)
+            if complete and reached > bound + ASCENT_SHARE * (proposal.promised - bound):
                 self._prices, bound, radius = prices, reached, min(1.5 * radius, TRUST_RADIUS_MAX)
             elif not complete or reached < bound:
                 radius *= 0.6
@@ -313,33 +313,33 @@ class PriceSearch:
                 break
         return radius
 
-    def _propose(self, cover: Sequence[Window], radius: float) -> Proposal | None:
+    def _propose(self, radius: float) -> Proposal | None:
         weights = {gate: price.weights for gate, price in self._prices.at.items()}
-        return propose_weights({window: self._flights[window] for window in cover}, weights, radius)
+        return propose_weights({window: self._flights[window] for window in self._cover}, weights, radius)
 
     # faster flights
 
-    def _join(self, cover: Sequence[Window]) -> bool:
+    def _join(self) -> bool:
         """Join the flights that the prices would combine and solve them as a whole; return whether one is faster."""
-        own = [self._flights[window][0] for window in cover]
+        own = [self._flights[window][0] for window in self._cover]
         self._joined.append(own)
         combinations: list[list[WindowFlight]] = []
-        proposal = self._propose(cover, TRUST_RADIUS_MAX)  # little held back by the prices of now
+        proposal = self._propose(TRUST_RADIUS_MAX)  # little held back by the prices of now
         if proposal is not None:
-            combinations = [[self._flights[window][int(np.argmax(proposal.shares[window]))] for window in cover]]
-        for number, window in enumerate(cover):
+            combinations = [[self._flights[window][int(np.argmax(proposal.shares[window]))] for window in self._cover]]
+        for number, window in enumerate(self._cover):
             time_of = self._prices.window(window).time_of
             flight = min(self._flights[window], key=time_of)
             if time_of(flight) < time_of(own[number]) - SAVED_MIN:
                 combinations.append([*own[:number], flight, *own[number + 1 :]])
-        faster = self._solve_joined(cover, combinations)
+        faster = self._solve_joined(combinations)
         if len(faster) > 1:  # what saves time by itself in several windows
             together = list(own)
             for flights, _ in faster:
                 for number, flight in enumerate(flights):
                     if together[number] is own[number]:
                         together[number] = flight
-            faster += self._solve_joined(cover, [together])
+            faster += self._solve_joined([together])
         if not faster:
             return False
         self.best = min((flight for _, flight in faster), key=lambda flight: flight.race_time)
@@ -347,12 +347,15 @@ class PriceSearch:
         return True
 
     def _solve_joined(
-        self, cover: Sequence[Window], combinations: Sequence[list[WindowFlight]]
+        self, combinations: Sequence[list[WindowFlight]]
     ) -> list[tuple[list[WindowFlight], CoarseSolution]]:
         """Return those of the combinations that are faster as a whole race, the fastest first; none is solved twice."""
-        new = [flights for flights in combinations if flights not in self._joined]
-        self._joined += new
-        outcomes = self._pool.work([list(zip(cover, flights, strict=True)) for flights in new], self._solve_race)
+        new: list[list[WindowFlight]] = []
+        for flights in combinations:
+            if flights not in self._joined:
+                new.append(flights)
+                self._joined.append(flights)
+        outcomes = self._pool.work([list(zip(self._cover, flights, strict=True)) for flights in new], self._solve_race)
         self._solves += len(new)
         self._unsolved += sum(flight is None for flight in outcomes)
         faster: list[tuple[list[WindowFlight], CoarseSolution]] = []
@@ -372,15 +375,15 @@ class PriceSearch:
         planned = replace(base, plan=plan(self._course, self._cruise, decisions))
         return solve_coarse(service, InitialGuess(planned, mesh, guess, InitialBarrier.COARSE))
 
-    def _result(self, cover: Sequence[Window], solved: dict[Window, int], starts: int, *, stopped: bool) -> LowerBound:
+    def _result(self, solved: dict[Window, int], starts: int, *, stopped: bool) -> LowerBound:
         names = [passage.name for passage in self._course.passages]
         windows: list[BoundedWindow] = []
-        for first, last in cover:
+        for first, last in self._cover:
             priced, flights = self._prices.window((first, last)), self._flights[first, last]
             slack = priced.time_of(flights[0]) - self._least(priced)
             legs = self._gates.index(last) - self._gates.index(first)
             windows.append(BoundedWindow(f"{names[first]} -> {names[last]}", legs, slack, solved[first, last]))
-        bound = min(max(self._bound(cover, self._prices), 0.0), self.best.race_time)
+        bound = min(max(self._bound(self._prices), 0.0), self.best.race_time)
         counts = LEGS_MAX, starts, self._solves, self._unsolved
         return LowerBound(bound, self.best.race_time, *counts, tuple(windows), stopped)
 

@@ -54,8 +54,8 @@ NEAR_LAG = 0.1
 """Largest lag with which the rolls of a flight are tried the other way, and with which it is refined and certified
 before one is chosen, s. Race times on the mesh of the comparison err by 50 to 90 ms."""
 JOINED_GAIN = 0.05
-"""The time that a flight joined by prices must save on the mesh of the comparison to be refined where one on its route
-has been, s. Of 3 to 17 ms there at most 0.2 ms were left once both were refined."""
+"""The time that a flight joined by prices must save on the mesh of the comparison to be refined where its route has
+been a start, s. Of 3 to 17 ms there at most 0.2 ms were left once both were refined."""
 PRICED_FLIGHTS_MAX = 5
 """The largest number of flights on different routes from which windows between priced gates are solved."""
 ROUTES_MAX = 40
@@ -156,7 +156,7 @@ def _search_by_prices(
     segments = segments_of(course)
     plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
     others = [*_distinct(record.result.flights, course, PRICED_FLIGHTS_MAX), *plans]
-    flights, refined_times = [*record.flights], [flight.race_time for flight in record.flights]
+    flights, start_times = [*record.flights], [flight.race_time for flight in record.flights]
     best, seconds, began = flights[0], record.seconds, time.perf_counter()
 
     def report_progress(text: str) -> None:
@@ -168,19 +168,18 @@ def _search_by_prices(
             further_start: Start | None = None
             if prices.best is not best:
                 best = prices.best
-                (joined,) = _refine(pool, session, [best])
-                same = [number for number, flight in enumerate(flights) if not differing(flight, joined, segments)]
-                fastest = min(same, key=lambda number: refined_times[number], default=None)
-                if fastest is not None and joined.race_time > refined_times[fastest] - JOINED_GAIN:
-                    flights[fastest] = joined
-                else:
-                    flights.append(joined)
-                    refined_times.append(joined.race_time)
-                    further_start = _start_from(joined)
+                (finer,) = _refine(pool, session, [best])
+                same = [number for number, flight in enumerate(flights) if not differing(flight, finer, segments)]
+                fastest = min(same, key=lambda number: start_times[number], default=None)
+                if fastest is None or finer.race_time <= start_times[fastest] - JOINED_GAIN:
+                    flights.append(finer)
+                    start_times.append(finer.race_time)
+                    further_start = _start_from(finer)
+                elif finer.race_time < flights[fastest].race_time:
+                    flights[fastest] = finer
             seconds += time.perf_counter() - began
-            further = flights[len(record.flights) :]
-            result = replace(record.result, flights=(*record.result.flights, *further))
-            priced = _SearchRecord(result, [*flights], course, record.pace, seconds, bound, prices.evaluated())
+            known, joined, windows = [*flights], flights[len(record.flights) :], prices.evaluated()
+            priced = replace(record, flights=known, seconds=seconds, joined=joined, bound=bound, windows=windows)
             yield PricedRound(further_start, priced.report)
             began = time.perf_counter()
 
@@ -192,13 +191,17 @@ def _start_from(flight: CoarseSolution) -> Start:
 
 @dataclass(frozen=True, eq=False)
 class _SearchRecord:
-    """What a search has evaluated in so many seconds: routes, flights on the mesh of the comparison, windows."""
+    """What a search has evaluated in so many seconds: flights on the mesh of the comparison, windows, a bound.
+
+    `joined` are those of the flights that prices have led to.
+    """
 
     result: SearchResult
     flights: Sequence[CoarseSolution]
     course: Course
     pace: PlanningModel
     seconds: float
+    joined: Sequence[CoarseSolution] = ()
     bound: LowerBound | None = None
     windows: Sequence[EvaluatedWindow] = ()
 
@@ -207,7 +210,7 @@ class _SearchRecord:
         if not self.flights:
             return SearchReport((), 0, 0, self.result.failed, self.seconds, ())
         flight = self.flights[number]
-        report = _report(self.result, flight, self.course, self.pace, self.seconds, self.windows)
+        report = _report(self.result, flight, self.course, self.pace, self.seconds, self.joined, self.windows)
         if self.bound is None:
             return report
         # the flight may be slower than the best, which has failed its check or is harder to fly
@@ -261,6 +264,7 @@ def _report(
     course: Course,
     pace: PlanningModel,
     seconds: float,
+    joined: Sequence[CoarseSolution] = (),
     windows: Sequence[EvaluatedWindow] = (),
 ) -> SearchReport:
     """Return the report on a search; the flight that was checked comes first.
@@ -268,12 +272,12 @@ def _report(
     Of priced windows it has the routes that are pruned: through these no race is as fast.
     """
     segments, converged, routes = segments_of(course), 0, list[Route]()
-    for flight in result.flights:
+    for flight in (*result.flights, *joined):
         if different := differing(best, flight, segments):
             text, race_time = describe_segments(course, flight, different), flight.race_time
             rolls = all(shape_of(flight, segment).rolls for segment in different)
             routes.append(Route(text, race_time, race_time - best.race_time, "joint", rolls))
-        else:
+        elif flight in result.flights:  # from a start
             converged += 1
     for move in result.moves:
         window, race_time = move.as_solution, move.move.base.race_time - move.saved

@@ -19,13 +19,14 @@ class Proposal:
     """Prices that a linear program proposes.
 
     Attributes:
-        weights: at the gate of each passage, (n_f,), s.
-        bound: of the race time, if no window had other flights than those known, s.
-        shares: of the known flights of each window in the flight of the relaxed race (1); they add up to 1.
+        weights: by passage, of the gates between windows, (n_f,), s.
+        promised: the bound at these weights if no window had other flights than those known, s.
+        shares: of the known flights of each window in the optimum (1); they add up to 1. No weight at its limit, they
+            are the flight of the relaxed race.
     """
 
     weights: dict[int, Array]
-    bound: float
+    promised: float
     shares: dict[Window, Array]
 
 

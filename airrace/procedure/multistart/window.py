@@ -68,7 +68,7 @@ class Move:
 
     @property
     def mesh(self) -> list[tuple[float, ...]]:
-        """The mesh of the flight, even in the phases whose guess has another number of intervals."""
+        """The mesh of the flight, with equal intervals in phases whose guess has another number of them."""
         mesh = self.base.problem.mesh
         for index, piece in zip(self.phases, self.pieces, strict=True):
             count = piece.control.shape[1]
