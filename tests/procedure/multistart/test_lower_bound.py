@@ -231,9 +231,7 @@ def test_windows_start_from_moves_that_change_a_gate_at_their_ends(monkeypatch: 
     with price_search(SLALOM) as (search, _):
         list(search.rounds(0.01))
     assert started == {(0, 1), (1, 2)}
-    assert (
-        tried == 3
-    )  # where the windows are chosen, with a small and a large barrier, not as a move alike
+    assert tried == 3  # where the windows are chosen, with a small and a large barrier, not as a move alike
 
 
 def test_routes_through_windows_are_priced_by_all_that_is_known_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
