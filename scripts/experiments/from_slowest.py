@@ -13,9 +13,10 @@ from pathlib import Path
 
 from airrace.files.inputs import load_inputs
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.procedure.multistart.coarse_solution import solve_coarse, solve_finer
+from airrace.procedure.multistart.coarse_solution import finer_guess, solve_coarse, solve_finer
 from airrace.procedure.multistart.lower_bound import PriceSearch
 from airrace.procedure.multistart.plans import own_plans
+from airrace.procedure.multistart.priced_window import RaceGuess
 from airrace.procedure.multistart.search import QUICK, Radius, Search, planned_starts
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
@@ -46,7 +47,9 @@ def main() -> None:
                 [flights[0], quick[0] if quick else flights[0], flights[-1]],
                 lambda service, flight: solve_finer(service, flight, mesh),
             )
-            others, cruise = [*own_plans(point_mass), *plans], point_mass.plan.cruise
+            counts, cruise = [len(phase) for phase in slowest.problem.mesh], point_mass.plan.cruise
+            starts = [finer_guess(plan, mesh, counts) for plan in (*own_plans(point_mass), *plans)]
+            others = [RaceGuess.of(start) for start in starts]
             search = PriceSearch(slowest, others, course, cruise, mesh, pool, lambda _: None)
             *_, bound = search.rounds(chosen.gap)
         times = [flight.race_time for flight in (slowest, fastest, best, search.best)]

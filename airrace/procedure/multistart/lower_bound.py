@@ -10,6 +10,7 @@ The windows are solved by a local method from several starts. So the bound is as
 them leads to is not in it.
 """
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,7 +20,7 @@ from airrace.model.track.course import Course
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import concatenate
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, finer_guess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.gate_prices import GatePrice
 from airrace.procedure.multistart.price_program import Proposal, propose_weights
 from airrace.procedure.multistart.priced_window import (
@@ -100,7 +101,7 @@ class PriceSearch:
 
     Args:
         best: the flight.
-        others: flights and plans on other routes.
+        others: guesses on other routes, from which windows are solved, too.
         course: that they fly.
         cruise: at which the race is planned.
         mesh: the settings of meshes.
@@ -114,7 +115,7 @@ class PriceSearch:
     def __init__(
         self,
         best: CoarseSolution,
-        others: Sequence[CoarseSolution | InitialGuess],
+        others: Sequence[RaceGuess],
         course: Course,
         cruise: PlanningModel,
         mesh: MeshSettings,
@@ -125,8 +126,7 @@ class PriceSearch:
         self._course, self._cruise, self._mesh, self._pool, self._report = course, cruise, mesh, pool, report
         passages, ends = course.passages, (0, len(course.passages) - 1)
         self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
-        counts = [len(phase) for phase in best.problem.mesh]
-        self._others = [RaceGuess.of(finer_guess(other, mesh, counts)) for other in others]
+        self._others = others
         self._flights: dict[Window, list[WindowFlight]] = {}  # the best flight's piece first
         self._starts: dict[Window, list[WindowGuess]] = {}
         self._evaluated: list[tuple[_Prices, Window, WindowFlight]] = []
@@ -162,7 +162,7 @@ class PriceSearch:
             solved = self._solve_from_all()
             bound = self._bound(self._prices)
             self._report(f"no flight below {bound:.2f} s; {self.best.race_time:.2f} s so far")
-            is_faster = self._join()
+            is_faster = self._join(self._combinations())
             is_near = bound >= (1.0 - gap) * self.best.race_time
             is_settled = is_near or bound < previous + BOUND_CHANGE_MIN * self.best.race_time
             is_last = left == 0 or (is_settled and not is_faster)
@@ -295,6 +295,11 @@ class PriceSearch:
             best[last] = max(choices, key=lambda choice: choice[:2])
         return best[self._gates[-1]][2]
 
+    def _even_cover(self) -> list[Window]:
+        """Return windows, end to end, of as many legs as they may have."""
+        ends = [*self._gates[:-1:LEGS_MAX], self._gates[-1]]
+        return list(itertools.pairwise(ends))
+
     def _ascend(self, radius: float) -> float:
         """Raise the bound by better prices; return how far weights may move at a time in the end, s."""
         bound = self._bound(self._prices)
@@ -319,21 +324,45 @@ class PriceSearch:
 
     # faster flights
 
-    def _join(self) -> bool:
-        """Join the flights that the prices would combine and solve them as a whole; return whether one is faster."""
+    def improve_from_others(self) -> bool:
+        """Join what others lead to in windows where that is faster than from the best flight; return whether it gains.
+
+        The prices are those of the best flight. What a window saves by them is seldom saved by the race, and its own
+        piece saves as much where it is solved at these prices: only what is below that is another route.
+        """
+        self._cover = self._even_cover()
         own = [self._flights[window][0] for window in self._cover]
-        self._joined.append(own)
+        priced = [self._prices.window(window) for window in self._cover]
+        self._solve([(window, flight.guess) for window, flight in zip(priced, own, strict=True)])
+        least = [self._least(window) for window in priced]
+        combinations: list[list[WindowFlight]] = []
+        for other in self._others:
+            outcomes = self._solve([(window, other.within(window.window)) for window in priced])
+            for number, flight in enumerate(outcomes):
+                if flight is not None and priced[number].time_of(flight) < least[number] - SAVED_MIN:
+                    combinations.append([*own[:number], flight, *own[number + 1 :]])
+        return self._join(combinations)
+
+    def _combinations(self) -> list[list[WindowFlight]]:
+        """Return the flights that prices would combine, and the least of each window with the best flight around it."""
+        own = [self._flights[window][0] for window in self._cover]
         combinations: list[list[WindowFlight]] = []
         proposal = self._propose(TRUST_RADIUS_MAX)  # little held back by the prices of now
         if proposal is not None:
             combinations = [[self._flights[window][int(np.argmax(proposal.shares[window]))] for window in self._cover]]
         for number, window in enumerate(self._cover):
-            time_of = self._prices.window(window).time_of
-            flight = min(self._flights[window], key=time_of)
-            if time_of(flight) < time_of(own[number]) - SAVED_MIN:
+            priced = self._prices.window(window)
+            flight = min(self._flights[window], key=priced.time_of)
+            if priced.time_of(flight) < priced.time_of(own[number]) - SAVED_MIN:
                 combinations.append([*own[:number], flight, *own[number + 1 :]])
+        return combinations
+
+    def _join(self, combinations: Sequence[list[WindowFlight]]) -> bool:
+        """Solve joined flights of windows as whole races, and what saves time together; return whether any does."""
+        own = [self._flights[window][0] for window in self._cover]
+        self._joined.append(own)
         faster = self._solve_joined(combinations)
-        if len(faster) > 1:  # what saves time by itself in several windows
+        if len(faster) > 1:
             together = list(own)
             for flights, _ in faster:
                 for number, flight in enumerate(flights):

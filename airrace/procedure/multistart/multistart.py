@@ -22,12 +22,14 @@ from airrace.optimal_control.solvers.service import SolverPool
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
     InitialGuess,
+    finer_guess,
     intervals,
     solve_coarse,
     solve_finer,
 )
 from airrace.procedure.multistart.lower_bound import LEGS_MAX, EvaluatedWindow, PriceSearch
 from airrace.procedure.multistart.plans import own_plans
+from airrace.procedure.multistart.priced_window import RaceGuess
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search, SearchBudget, SearchResult, planned_starts
 from airrace.procedure.multistart.segments import (
     Segment,
@@ -130,7 +132,9 @@ def search_routes(
     with session.pool() as pool:
         search = Search(stage_problem, course, budget, pool, report_progress)
         starts = planned_starts(stage_problem, course, budget) if starts is None else starts
-        fastest = _fastest(search.run(starts, solved).flights, course, max(budget.compared_max, alternatives))
+        search.run(starts, solved)
+        _improve_in_windows(search, stage_problem, course, budget, session.settings.mesh, pool, report_progress)
+        fastest = _fastest(search.result().flights, course, max(budget.compared_max, alternatives))
         if fastest:
             report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
         compared = _distinct(_refine(pool, session, fastest), course)
@@ -148,6 +152,32 @@ def search_routes(
     return FoundRoutes(starts_of_routes, replace(record, bound=unknown).report, near_count, rounds)
 
 
+def _improve_in_windows(
+    search: Search,
+    stage_problem: StageProblem,
+    course: Course,
+    budget: SearchBudget,
+    mesh: MeshSettings,
+    pool: SolverPool,
+    report: Callable[[str], None],
+) -> None:
+    """Improve the best flight by what the tightest plan leads to in windows between priced gates.
+
+    As a whole that plan may fail, or lead to where others do, although it is the better route for a few legs.
+    """
+    cruise, tightest = stage_problem.plan.cruise, planned_starts(stage_problem, course, budget)[-1:]
+    others = [RaceGuess.of(plan) for plan in tightest]
+    flights = search.result().flights[:1]
+    for _ in range(budget.iterations):
+        if not flights or not math.isfinite(flights[0].race_time):
+            return
+        report(f"other routes between gates: {flights[0].race_time:.2f} s so far")
+        prices = PriceSearch(flights[0], others, course, cruise, mesh, pool, report)
+        if not prices.improve_from_others():
+            return
+        flights = (search.go_on_from(prices.best),)
+
+
 def _search_by_prices(
     record: "_SearchRecord", stage_problem: StageProblem, session: SolverSession, budget: SearchBudget, gap: float
 ) -> Iterator[PricedRound]:
@@ -155,7 +185,9 @@ def _search_by_prices(
     course, cruise = record.course, stage_problem.plan.cruise
     segments = segments_of(course)
     plans = [*own_plans(stage_problem), *planned_starts(stage_problem, course, budget)]
-    others = [*_distinct(record.result.flights, course, PRICED_FLIGHTS_MAX), *plans]
+    routes = [*_distinct(record.result.flights, course, PRICED_FLIGHTS_MAX), *plans]
+    counts = [len(phase) for phase in record.flights[0].problem.mesh]
+    others = [RaceGuess.of(finer_guess(route, session.settings.mesh, counts)) for route in routes]
     flights, start_times = [*record.flights], [flight.race_time for flight in record.flights]
     best, seconds, began = flights[0], record.seconds, time.perf_counter()
 

@@ -153,6 +153,11 @@ class Search:
             return best
         return self._improve_routes(better, differing(best, better, segments_of(self._course)))
 
+    def go_on_from(self, flight: CoarseSolution) -> CoarseSolution:
+        """Return the flight at the end of a sequence of moves from one that was found elsewhere."""
+        self._flights.append(flight)
+        return self.improve(flight)
+
     def _improve_routes(self, best: CoarseSolution, different: Sequence[Segment]) -> CoarseSolution:
         return self._repeat(
             best, "routes", lambda generator, changed: self._other_routes(best, generator, changed), different
