@@ -2,7 +2,8 @@
 
 The joint problem has many local optima: a turn flat or over the top, to the left or to the right, a pylon rounded one
 way or the other, a reversal before or behind its gate. Several plans are solved coarsely, the best of them is changed
-segment by segment where another route is proposed, and what is faster is solved as a whole again.
+segment by segment where another route is proposed, and by what a tight plan leads to in windows between priced gates;
+what is faster is solved as a whole again.
 
 A flight that was started from another run is searched around likewise, for a route that has become faster.
 """
