@@ -67,7 +67,7 @@ def with_note_on_faster(
     if not (chosen.holds and fastest.holds and saved > SAME_FLIGHT):
         return chosen
     harder, simpler = (complexity_of(stage_problem, result.trajectory).describe() for result in (fastest, chosen))
-    text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
+    text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {simpler}, instead of {harder}"
     return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))
 
 

@@ -96,8 +96,8 @@ def test_of_flights_that_hardly_differ_the_simpler_one_wins_and_what_the_other_s
     (note,) = result.notes
     assert note.kind is NoteKind.SIMPLER_ROUTE
     assert note.text == (
-        "a route that saves 8.0 ms was left for a simpler one: no circle, 1 push, no roll through inverted flight, "
-        "instead of no circle, no push, 1 roll through inverted flight"
+        "a route that saves 8.0 ms was left for a simpler one: no circle, no push, 1 roll through inverted flight, "
+        "instead of no circle, 1 push, no roll through inverted flight"
     )
 
 
