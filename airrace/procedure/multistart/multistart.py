@@ -134,7 +134,7 @@ def search_routes(
         search = Search(stage_problem, course, budget, pool, report_progress)
         starts = planned_starts(stage_problem, course, budget) if starts is None else starts
         search.run(starts, solved)
-        _improve_in_windows(search, stage_problem, course, budget, session.settings.mesh, pool, report_progress)
+        _improve_in_windows(search, stage_problem, budget, session.settings.mesh, pool, report_progress)
         fastest = _fastest(search.result().flights, course, max(budget.compared_max, alternatives))
         if fastest:
             report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
@@ -149,14 +149,13 @@ def search_routes(
     if gap is None or not compared or not math.isfinite(compared[0].race_time):
         return FoundRoutes(starts_of_routes, record.report, near_count)
     unknown = LowerBound(0.0, compared[0].race_time, LEGS_MAX, 0, 0, 0, (), stopped=True)
-    rounds = _search_by_prices(record, stage_problem, session, budget, gap)
+    rounds = _search_by_prices(record, stage_problem, session, budget, gap, report_progress)
     return FoundRoutes(starts_of_routes, replace(record, bound=unknown).report, near_count, rounds)
 
 
 def _improve_in_windows(
     search: Search,
     stage_problem: StageProblem,
-    course: Course,
     budget: SearchBudget,
     mesh: MeshSettings,
     pool: SolverPool,
@@ -166,7 +165,8 @@ def _improve_in_windows(
 
     As a whole that plan may fail, or lead to where others do, although it is the better route for a few legs.
     """
-    cruise, tightest = stage_problem.plan.cruise, planned_starts(stage_problem, course, budget)[-1:]
+    course, cruise = stage_problem.course, stage_problem.plan.cruise
+    tightest = planned_starts(stage_problem, course, budget)[-1:]
     others = [RaceGuess.of(plan) for plan in tightest]
     flights = search.result().flights[:1]
     for _ in range(budget.iterations):
@@ -180,7 +180,12 @@ def _improve_in_windows(
 
 
 def _search_by_prices(
-    record: "_SearchRecord", stage_problem: StageProblem, session: SolverSession, budget: SearchBudget, gap: float
+    record: "_SearchRecord",
+    stage_problem: StageProblem,
+    session: SolverSession,
+    budget: SearchBudget,
+    gap: float,
+    report: Callable[[str], None],
 ) -> Iterator[PricedRound]:
     """Go on with a search by prices; yield the outcome of every round."""
     course, cruise = record.course, stage_problem.plan.cruise
@@ -191,12 +196,8 @@ def _search_by_prices(
     others = [RaceGuess.of(finer_guess(route, session.settings.mesh, counts)) for route in routes]
     flights, start_times = [*record.flights], [flight.race_time for flight in record.flights]
     best, seconds, began = flights[0], record.seconds, time.perf_counter()
-
-    def report_progress(text: str) -> None:
-        session.progress.activity(text, 0, 0)
-
     with session.pool() as pool:
-        prices = PriceSearch(best, others, course, cruise, session.settings.mesh, pool, report_progress)
+        prices = PriceSearch(best, others, course, cruise, session.settings.mesh, pool, report)
         for bound in prices.rounds(gap):
             further_start: Start | None = None
             if prices.best is not best:
