@@ -19,7 +19,7 @@ from airrace.procedure.stage import Stage
 THOROUGH = dataclasses.replace(PLAN, search=SearchEffort.THOROUGH, gap=0.0)
 
 
-def stored_before(patch: pytest.MonkeyPatch, error: BaseException, rounds: int, solves: int) -> list[StageResult]:
+def stored_before(error: BaseException, rounds: int, solves: int) -> list[StageResult]:
     """The point masses of a search that is stopped in the round after so many, by an error after so many solves of
     windows from all starts there."""
     begun: list[int] = []
@@ -36,10 +36,10 @@ def stored_before(patch: pytest.MonkeyPatch, error: BaseException, rounds: int, 
             begun[-1] += 1
         return solve(*arguments)
 
-    patch.setattr(PriceSearch, "_solve_from_all", count_rounds)
-    patch.setattr(lower_bound, "_solve_window", solve_until_stopped)
     stored: list[StageResult] = []
-    with pytest.raises(type(error)):
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(type(error)):  # the quick search solves windows, too
+        patch.setattr(PriceSearch, "_solve_from_all", count_rounds)
+        patch.setattr(lower_bound, "_solve_window", solve_until_stopped)
         stored.extend(optimize(SLALOM, THOROUGH, until=Stage.POINT_MASS, threads=1, progress=Silent()))
     return stored
 
@@ -57,10 +57,8 @@ def assert_stored_as_it_is(stored: Sequence[StageResult]) -> None:
     assert list(resumed) == []
 
 
-def test_search_that_is_stopped_before_any_window_was_solved_from_all_starts_keeps_its_flight(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    stored = stored_before(monkeypatch, OutOfTime(), rounds=0, solves=5)
+def test_search_that_is_stopped_before_any_window_was_solved_from_all_starts_keeps_its_flight() -> None:
+    stored = stored_before(OutOfTime(), rounds=0, solves=5)
     assert_stored_as_it_is(stored)
     (only,) = stored
     assert only.search.bound is not None
@@ -68,10 +66,8 @@ def test_search_that_is_stopped_before_any_window_was_solved_from_all_starts_kee
     assert not [route for route in only.search.routes if route.evaluated_by == "priced"]
 
 
-def test_search_that_is_stopped_in_its_second_round_keeps_the_bound_of_the_first(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    first, second = stored_before(monkeypatch, KeyboardInterrupt(), rounds=1, solves=5)
+def test_search_that_is_stopped_in_its_second_round_keeps_the_bound_of_the_first() -> None:
+    first, second = stored_before(KeyboardInterrupt(), rounds=1, solves=5)
     assert_stored_as_it_is([first, second])
     bound = second.search.bound
     assert bound is not None
