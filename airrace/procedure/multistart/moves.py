@@ -4,7 +4,7 @@ import bisect
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
 
@@ -273,16 +273,17 @@ class MoveGenerator:
         move = self._move(first, last, planned, pieces, kind)
         yield dataclasses.replace(move, segment=segment, plan_penalty=plan_penalty)
 
-    def _guesses(self, planned: Plan, phases: Iterable[int]) -> dict[int, Iterate]:
+    def _guesses(self, planned: Plan, phases: range) -> dict[int, Iterate]:
         """Return pieces of a planned flight."""
-        mesh = [(1.0 / count,) * count for count in map(intervals, leg_seconds(planned))]
-        whole = guess(planned, mesh)
+        part, first = planned.part(phases)
+        mesh = [(1.0 / count,) * count for count in map(intervals, leg_seconds(part))]
+        flight = guess(part, mesh)
         nodes = list(itertools.accumulate(map(len, mesh), initial=0))
         return {
             index: Iterate(
-                whole.durations[index : index + 1],
-                whole.state[:, nodes[index] : nodes[index + 1] + 1],
-                whole.control[:, nodes[index] : nodes[index + 1]],
+                flight.durations[index - first : index - first + 1],
+                flight.state[:, nodes[index - first] : nodes[index - first + 1] + 1],
+                flight.control[:, nodes[index - first] : nodes[index - first + 1]],
             )
             for index in phases
         }

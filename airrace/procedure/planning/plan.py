@@ -10,6 +10,7 @@ itself says along which axis a passage is crossed and to which side a roll goes,
 """
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -44,6 +45,8 @@ from airrace.race import Race
 
 LEG_SAMPLES = 61
 """The number of places of a leg at which its distance from boundaries is taken."""
+LEGS_KEPT = 4096
+"""The number of legs of which paths, and lengths, are remembered: the plans of a search differ in a few legs."""
 SLOPE_MAX = 0.4
 """The mean slope (1) above which a way is too short for a height. From the straight way between gates 318 m apart,
 solves led a PC-9 up and down by 0.58 at most, and from a longer way by 0.73."""
@@ -88,6 +91,20 @@ class Plan:
         A roll turns further than the shortest way.
         """
         return _turn(a, b, prefer_last=self.prefer_last_on_ties)
+
+    def part(self, legs: range) -> "tuple[Plan, int]":
+        """Return the part of the plan that tells how some legs are flown, and the number of its first leg.
+
+        A flight begins to turn on the leg before, and legs without paths are laid out from the next known place on.
+        `seconds` stays that of the whole race.
+        """
+        first, last = max(legs.start - 1, 0), min(legs.stop + 1, len(self.legs))
+        while first > 0 and self.legs[first].path is None:
+            first -= 1
+        while last < len(self.legs) and self.legs[last - 1].path is None:
+            last += 1
+        waypoints = self.waypoints[first : last + 1]
+        return dataclasses.replace(self, waypoints=waypoints, legs=self.legs[first:last]), first
 
 
 @dataclasses.dataclass(frozen=True)
@@ -245,16 +262,49 @@ def _leg_seconds(starts: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -
     if _level(starts[0], ends[0]):
         assert starts[0].position is not None
         assert ends[0].position is not None
-        start, end = np.array(starts[0].position[:2]), np.array(ends[0].position[:2])
-        first = np.array([waypoint.heading for waypoint in starts])[:, None]
-        last = np.array([waypoint.heading for waypoint in ends])[None, :]
-        pieces = lengths(start, first, end, last, pace.radius)
-        way = on_side(pieces, stop.side, stop.length_min / pace.radius).min(axis=0) * pace.radius
-        return np.where(way < ONE_PLACE, math.tau * pace.radius, way) / pace.V
+        headings = tuple(waypoint.heading for waypoint in starts), tuple(waypoint.heading for waypoint in ends)
+        places = starts[0].position[:2], ends[0].position[:2]
+        return _level_lengths(*places, *headings, pace.radius, stop.side, stop.length_min) / pace.V
     roll = stop.roll
     if roll is not None:
         return np.array([[roll_time(a.q, b.q, roll, pace)[0] for b in ends] for a in starts])
     return np.array([[rotation_time(a.q, b.q, pace) for b in ends] for a in starts])
+
+
+@functools.lru_cache(maxsize=LEGS_KEPT)
+def _level_lengths(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    start_headings: tuple[float, ...],
+    end_headings: tuple[float, ...],
+    radius: float,
+    side: int,
+    length_min: float,
+) -> Array:
+    """Return the lengths of the shortest paths from all headings at one place to all at another, m; read-only."""
+    first, last = np.array(start_headings)[:, None], np.array(end_headings)[None, :]
+    pieces = lengths(np.array(start), first, np.array(end), last, radius)
+    way = on_side(pieces, side, length_min / radius).min(axis=0) * radius
+    way = np.where(way < ONE_PLACE, math.tau * radius, way)
+    way.setflags(write=False)  # it is kept
+    return way
+
+
+@functools.lru_cache(maxsize=LEGS_KEPT)
+def _level_path(
+    start: tuple[float, float],
+    heading: float,
+    end: tuple[float, float],
+    end_heading: float,
+    radius: float,
+    side: int,
+    length_min: float,
+    prefer_last: bool,
+) -> DubinsPath:
+    """Return the shortest path; from a place to itself a circle."""
+    place = np.array(start)
+    path = shortest(place, heading, np.array(end), end_heading, radius, side, length_min=length_min, last=prefer_last)
+    return circle(place, heading, radius, left=prefer_last) if path.length < ONE_PLACE else path
 
 
 def _leg(
@@ -264,13 +314,8 @@ def _leg(
     if _level(a, b):
         assert a.position is not None
         assert b.position is not None
-        start, end = np.array(a.position[:2]), np.array(b.position[:2])
-        path = shortest(
-            start, a.heading, end, b.heading, pace.radius, stop.side, length_min=stop.length_min, last=prefer_last
-        )
-        if path.length < ONE_PLACE:
-            path = circle(start, a.heading, pace.radius, left=prefer_last)
-        return PlannedLeg(path), b
+        ends = a.position[:2], a.heading, b.position[:2], b.heading
+        return PlannedLeg(_level_path(*ends, pace.radius, stop.side, stop.length_min, prefer_last)), b
     if stop.roll is None:
         return PlannedLeg(None), b
     _, angle = roll_time(a.q, b.q, stop.roll, pace, prefer_last=prefer_last)

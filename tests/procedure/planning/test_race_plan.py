@@ -418,3 +418,20 @@ def test_there_is_no_other_plan_where_no_boundary_is_left_or_turning_the_other_w
     corners = (Point(-2000.0, -10.0), Point(-2000.0, 130.0), Point(2000.0, 130.0), Point(2000.0, -10.0))
     narrow = dataclasses.replace(free, airspace=corners)
     assert plan_with_room(narrow, plan_of(Race(narrow, EDGE_540, Air()))) is None
+
+
+@every_race
+def test_part_of_a_plan_is_flown_as_in_the_whole(name: str) -> None:
+    whole = plan_of(RACES[name])
+    mesh = [(0.125,) * 8] * len(whole.legs)
+    flight = guess(whole, mesh)
+    rows = [PointMassState.names().index(f"q{number}") for number in range(4)]
+    for first in range(len(whole.legs)):
+        last = min(first + 2, len(whole.legs))
+        part, begin = whole.part(range(first, last))
+        piece = guess(part, mesh[: len(part.legs)])
+        start, stop = 8 * (first - begin), 8 * (last - begin)
+        state, expected = piece.state[:, start : stop + 1], flight.state[:, 8 * first : 8 * last + 1].copy()
+        expected[rows] *= np.sign(expected[rows, 0] @ state[rows, 0])  # both signs are one attitude
+        assert np.array_equal(state, expected)
+        assert np.array_equal(piece.control[:, start:stop], flight.control[:, 8 * first : 8 * last])
