@@ -41,9 +41,10 @@ def attempt(
     solver: str = INTERIOR_POINT,
     tolerance: float = 1e-8,
     iterations_max: int = 200,
+    stagnation_max: int = 60,
 ) -> ProgramSolution:
     kernels = casadi_kernels(problem.system, problem.scheme)
-    options = SolverOptions(tolerance, iterations_max, barrier)
+    options = SolverOptions(tolerance, iterations_max, barrier, stagnation_max=stagnation_max)
     return PreparedProblem(Layout(problem), kernels, solver, options, threads=1).solve(
         Layout(problem), guess, multipliers
     )
@@ -289,7 +290,7 @@ def test_violations_that_stay_tell_a_locally_infeasible_program(
 ) -> None:
     program, _, _, _ = bounded("everything")
     solve = interior_point._Solve(program, SolverOptions())
-    stay = interior_point.STAGNATION_MAX + 1
+    stay = SolverOptions().stagnation_max + 1
     verdicts: list[bool] = []
     for number in range(stay + 1):
         verdicts.append(solve._stagnates(infeasible_measures((1.0 - reduction) ** number, primal)))
@@ -300,18 +301,18 @@ def test_violations_that_stay_tell_a_locally_infeasible_program(
 def test_a_reduction_of_the_violations_begins_the_count_of_stagnation_anew() -> None:
     program, _, _, _ = bounded("everything")
     solve = interior_point._Solve(program, SolverOptions())
-    half = [1.0] * interior_point.STAGNATION_MAX + [0.5] * (interior_point.STAGNATION_MAX + 1)
+    stay = SolverOptions().stagnation_max
+    half = [1.0] * stay + [0.5] * (stay + 1)
     for infeasibility in half:
         assert not solve._stagnates(infeasible_measures(infeasibility))
     assert solve._stagnates(infeasible_measures(0.5))
 
 
 @pytest.mark.parametrize("end", [3.0, 10.0])
-def test_an_end_out_of_reach_is_locally_infeasible(end: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_end_out_of_reach_is_locally_infeasible(end: float) -> None:
     """With a speed of 3 at most, 3 can be reached in a second, 10 cannot."""
-    monkeypatch.setattr(interior_point, "STAGNATION_MAX", 2)
     problem = coasting(lambda _, u: u, lambda x: x, start=0.0, lowest=-9.0, end=exactly(end))
-    solution = attempt(problem, level(problem, 0.0))
+    solution = attempt(problem, level(problem, 0.0), stagnation_max=2)
     assert solution.success is (end == 3.0)
     if not solution.success:
         assert solution.ending is Ending.INFEASIBLE

@@ -18,12 +18,18 @@ class SolverOptions:
         barrier: first value of the barrier parameter, in the objective's unit; 0.1 is for guesses that may be far off,
             and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
         curvature: whether the curvature of an optimum is judged, and a saddle is left.
+        stagnation_max: number of iterations that hardly reduce the violations after which the interior point method
+            calls a program locally infeasible. Of 731 solves on nine courses that led to an optimum three had 32 or
+            more such iterations, one 46.
+        nearly_feasible: the largest violation, scaled (1), up to which such iterations do not count.
     """
 
     tolerance: float = 1e-7
     iterations_max: int = 500
     barrier: float = 0.1
     curvature: bool = True
+    stagnation_max: int = 60
+    nearly_feasible: float = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

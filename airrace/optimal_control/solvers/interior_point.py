@@ -53,10 +53,8 @@ PRODUCT_RATIO, CENTRING, DESCENT = 0.03, 0.1, 1e-6
 """Where the mean product of slack and multiplier is less than the first part of the infeasibility, the point is centred
 for a barrier parameter of the second part of it; and again, if the objective has fallen by the third part since. On
 seven courses 554 solves took 4 % fewer iterations for it, the slowest of them up to 60 % fewer."""
-STAGNATION_MAX, REDUCTION, NEARLY_FEASIBLE = 60, 0.1, 1e-3
-"""Where so many iterations reduce the sum of all violations by less than this part, and the largest is above the third
-number, scaled (1), the program is locally infeasible. Of 731 solves on nine courses that led to an optimum three had 32
-or more such iterations, one 46."""
+REDUCTION = 0.1
+"""An iteration that reduces the sum of all violations by less than this part counts as stagnation (1)."""
 COLD_BARRIER, COLD_PROGRESS = 0.1, 0.9
 """Without multipliers and with a first barrier parameter of at least the former, the guess may be far off: the method
 begins with a search until violations are this part of the guess's. Whole steps led to other valleys, up to 1 s slower
@@ -141,10 +139,10 @@ class _Solve:
         """Count iterations that hardly reduce the violations; return whether there are too many."""
         if measures.infeasibility < (1.0 - REDUCTION) * self._infeasibility_min:
             self._infeasibility_min, self._stagnation = measures.infeasibility, 0
-        elif min(measures.primal, self._primal_min) > NEARLY_FEASIBLE:
+        elif min(measures.primal, self._primal_min) > self._options.nearly_feasible:
             self._stagnation += 1
         self._primal_min = min(self._primal_min, measures.primal)
-        return self._stagnation > STAGNATION_MAX
+        return self._stagnation > self._options.stagnation_max
 
     def _linearise(self) -> Measures | None:
         """Linearise at the point; where a step of free mode led too far for that, at the one before it."""

@@ -16,6 +16,7 @@ from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions, concaten
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
     InitialGuess,
+    coarse_options,
     finer_guess,
     objective_error,
     try_solve,
@@ -114,7 +115,7 @@ class PricedWindow:
     def solve(self, service: SolverService, guess: WindowGuess) -> WindowFlight | None:
         """Return the flight of least priced time near a guess; None if there is none within the budget."""
         problem = self.problem(guess.race)
-        solution = try_solve(service, problem, guess.iterate, guess.barrier, ITERATIONS_MAX)
+        solution = try_solve(service, problem, guess.iterate, coarse_options(guess.barrier, ITERATIONS_MAX))
         if solution is None or not solution.success:
             return None
         seconds = float(solution.iterate.durations.sum() + objective_error(problem, solution).sum())

@@ -21,6 +21,7 @@ from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
     InitialGuess,
+    coarse_options,
     objective_error,
     solve_coarse,
     try_solve,
@@ -114,7 +115,8 @@ def evaluate(service: SolverService, move: Move) -> EvaluatedMove | None:
         move: the window.
     """
     window = _Window.of(move)
-    solution = try_solve(service, window.problem, window.guess, InitialBarrier.PIECES, ITERATIONS_MAX)
+    options = coarse_options(InitialBarrier.PIECES, ITERATIONS_MAX, gives_up_early=True)
+    solution = try_solve(service, window.problem, window.guess, options)
     if solution is None or not solution.success:
         return None
     base, iterate, problem = move.base, solution.iterate, window.problem

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,16 +14,20 @@ from transformations import mirrored
 from airrace.model.environment import Air
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.quantities import Interval
+from airrace.optimal_control.solvers.interface import Ending, SolverOptions
 from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
+from airrace.optimal_control.solvers.solver import ProgramSolution
 from airrace.procedure.guess import concatenate, guess, phase_piece
-from airrace.procedure.multistart import coarse_solution
+from airrace.procedure.multistart import coarse_solution, window
 from airrace.procedure.multistart.coarse_solution import (
     ERROR_MAX,
     INTERVAL_QUANTUM,
     INTERVAL_SECONDS,
     INTERVALS_MAX,
+    STAGNATION_MAX,
     CoarseSolution,
     InitialGuess,
+    coarse_options,
     intervals,
     planned_guess,
     solve_coarse,
@@ -93,6 +98,43 @@ def test_window_begins_and_ends_in_the_states_of_the_flight_around_it() -> None:
             assert found.iterate.state[row, -1] == pytest.approx(behind[row], abs=1e-3), name
     # Both signs of a quaternion are the same attitude.
     assert abs(found.iterate.state[ATTITUDE, -1] @ behind[ATTITUDE]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_window_whose_end_is_out_of_reach_is_given_up_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    base = planned_coarse_solution(SMALL)
+    z = [one.name for one in base.problem.system.states].index("z")
+    state = base.iterate.state.copy()
+    state[z, base.problem.first_node[2] :] -= 500.0
+    move = own_window(base, 1, 2)
+    solutions: list[ProgramSolution] = []
+
+    def record(*arguments: Any) -> ProgramSolution | None:
+        solution = try_solve(*arguments)
+        assert solution is not None
+        solutions.append(solution)
+        return solution
+
+    monkeypatch.setattr(window, "try_solve", record)
+    assert evaluate_or_none(dataclasses.replace(move, base=with_state(base, state))) is None
+    assert [solution.ending for solution in solutions] == [Ending.INFEASIBLE]
+    assert solutions[0].iterations < 2 * STAGNATION_MAX
+
+
+@pytest.mark.parametrize("is_baseline", [True, False])
+def test_only_a_start_that_a_run_without_a_search_has_too_is_never_given_up_early(
+    is_baseline: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limits: list[int] = []
+
+    def record(_: object, problem: object, iterate: object, options: SolverOptions) -> None:
+        limits.append(options.stagnation_max)
+
+    monkeypatch.setattr(coarse_solution, "try_solve", record)
+    stage_problem = prepared(SMALL)
+    start = planned_guess(stage_problem, stage_problem.plan, InitialBarrier.COLD)
+    with open_session() as session:
+        assert solve_coarse(session.service, dataclasses.replace(start, is_baseline=is_baseline)) is None
+    assert limits == [SolverOptions().stagnation_max if is_baseline else STAGNATION_MAX]
 
 
 def generator(base: CoarseSolution, race: Race) -> MoveGenerator:
@@ -236,7 +278,7 @@ def test_errors_of_integration_on_a_coarse_mesh_become_seconds(monkeypatch: pyte
         assert coarse is not None
         scheme = dataclasses.replace(coarse.problem.scheme, steps=4 * coarse.problem.scheme.steps)
         finer = dataclasses.replace(coarse.problem, scheme=scheme)
-        solution = try_solve(session.service, finer, coarse.iterate, InitialBarrier.COARSE)
+        solution = try_solve(session.service, finer, coarse.iterate, coarse_options(InitialBarrier.COARSE))
     assert solution is not None
     assert solution.success
     true, raw = float(solution.iterate.durations.sum()), float(coarse.iterate.durations.sum())

@@ -29,7 +29,13 @@ from airrace.pages.views.stage_tables import claim, search_table
 from airrace.procedure import procedure, restart
 from airrace.procedure.mesh_loop import solve_certified
 from airrace.procedure.multistart import multistart, search
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
+from airrace.procedure.multistart.coarse_solution import (
+    CoarseSolution,
+    coarse_options,
+    planned_guess,
+    solve_coarse,
+    try_solve,
+)
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.rolls import rerolls
@@ -515,7 +521,10 @@ def test_flight_that_kills_its_solver_is_left_out_and_the_next_one_is_flown(capl
     coarse = planned_coarse_solution(SMALL)
     broken = dataclasses.replace(coarse.iterate, state=coarse.iterate.state[:-1])
     with open_session() as session, caplog.at_level(logging.WARNING):
-        assert try_solve(session.service, coarse.problem, broken, InitialBarrier.COARSE) is None
-        assert try_solve(session.service, coarse.problem, coarse.iterate, InitialBarrier.COARSE) is not None
+        assert try_solve(session.service, coarse.problem, broken, coarse_options(InitialBarrier.COARSE)) is None
+        assert (
+            try_solve(session.service, coarse.problem, coarse.iterate, coarse_options(InitialBarrier.COARSE))
+            is not None
+        )
     (record,) = caplog.records
     assert "left out" in record.getMessage()

@@ -15,7 +15,7 @@ from waiting import PATIENCE
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.service import SolverEnded, SolverPool, SolverService
 from airrace.optimal_control.solvers.solver import ProgramSolution
-from airrace.procedure.multistart.coarse_solution import try_solve
+from airrace.procedure.multistart.coarse_solution import coarse_options, try_solve
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.warm_start import InitialBarrier
 
@@ -108,7 +108,7 @@ def test_process_that_was_started_anew_in_the_pool_does_not_die_with_it() -> Non
     coarse = planned_coarse_solution(SMALL)
 
     def solve(service: SolverService, _: object = None) -> ProgramSolution | None:
-        return try_solve(service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
+        return try_solve(service, coarse.problem, coarse.iterate, coarse_options(InitialBarrier.COARSE))
 
     def solve_anew(service: SolverService, _: object) -> ProgramSolution | None:
         service.stop()
@@ -151,4 +151,4 @@ def test_service_that_was_ended_starts_no_other_process() -> None:
     with open_session() as session:
         session.service.end()
         with pytest.raises(SolverEnded):
-            try_solve(session.service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
+            try_solve(session.service, coarse.problem, coarse.iterate, coarse_options(InitialBarrier.COARSE))
