@@ -24,12 +24,14 @@ class FirstSolutions:
     Attributes:
         homotopy: the flight from piece to piece.
         relaxed: the race with its limits relaxed, as far as that was asked for.
-        plans: what plans of the search have led to; None where none were solved.
+        flights: what plans of the search have led to; None where none were solved.
+        failed_plans: those that have led to no flight.
     """
 
     homotopy: HomotopyOutcome
     relaxed: RelaxedRace
-    plans: Sequence[CoarseSolution | None] | None = None
+    flights: Sequence[CoarseSolution] | None = None
+    failed_plans: Sequence[InitialGuess] = ()
 
 
 def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, searches: bool) -> FirstSolutions:
@@ -42,11 +44,13 @@ def solve_homotopy_and_plans(models: StageModels, session: SolverSession, *, sea
         return FirstSolutions(solve_homotopy_pieces(models, relaxed, session), relaxed)
     jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]] = []
     jobs.append(functools.partial(solve_homotopy_pieces, models, relaxed))
-    starts = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, QUICK)
-    jobs += [functools.partial(_solve_plan, start) for start in starts]
-    homotopy, *plans = session.side_by_side(jobs)
+    plans = plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, QUICK)
+    jobs += [functools.partial(_solve_plan, plan) for plan in plans]
+    homotopy, *outcomes = session.side_by_side(jobs)
     assert isinstance(homotopy, HomotopyOutcome)
-    return FirstSolutions(homotopy, relaxed, [plan for plan in plans if not isinstance(plan, HomotopyOutcome)])
+    flights = [flight for flight in outcomes if isinstance(flight, CoarseSolution)]
+    failed_plans = [plan for plan, flight in zip(plans, outcomes, strict=True) if flight is None]
+    return FirstSolutions(homotopy, relaxed, flights, failed_plans)
 
 
 def solve_homotopy_pieces(models: StageModels, relaxed: RelaxedRace, session: SolverSession) -> HomotopyOutcome:

@@ -284,8 +284,9 @@ def _search_and_solve(
     replanned = replanned_with_room(models.problem(Stage.POINT_MASS))
     starts = _first_starts(models, session, first_solutions, homotopy, replanned, relaxed)
     locally_infeasible = first_solutions is not None and first_solutions.homotopy.infeasibility is not None
-    plans_fail = first_solutions is None or not any(first_solutions.plans or ())
-    if settings.search is SearchEffort.OFF or (locally_infeasible and plans_fail and replanned is None):
+    flights = () if first_solutions is None else first_solutions.flights or ()
+    failed_plans = () if first_solutions is None else first_solutions.failed_plans
+    if settings.search is SearchEffort.OFF or (locally_infeasible and not flights and replanned is None):
         yield solve_from_starts(session, starts, strategy)
         return
 
@@ -299,7 +300,7 @@ def _search_and_solve(
         gap=settings.gap if settings.search is SearchEffort.THOROUGH else None,
     )
     guesses = _search_starts(models, session, first_solutions)
-    routes = search(guesses, solved=(first_solutions and first_solutions.plans) or ())
+    routes = search(guesses, solved=flights, failed=failed_plans)
     without_search: StageResult | None = None
     if not routes.starts and settings.search is SearchEffort.THOROUGH:
         without_search = solve_from_starts(session, starts, strategy)
@@ -373,10 +374,10 @@ def _search_starts(
         if pieces.outcome is Status.SOLVED:
             mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
             starts.append(InitialGuess(stage_problem, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
-    plans = None if first_solutions is None else first_solutions.plans
-    if plans is None:
+    flights = None if first_solutions is None else first_solutions.flights
+    if flights is None:
         return [*starts, *plans_to_search(models.problem(Stage.POINT_MASS), session.settings.mesh, QUICK)]
-    return starts if any(plans) else [*starts, *plans_with_room(models.problem(Stage.POINT_MASS), QUICK)]
+    return starts if flights else [*starts, *plans_with_room(models.problem(Stage.POINT_MASS), QUICK)]
 
 
 def _first_starts(

@@ -10,25 +10,25 @@ The windows are solved by a local method from several starts. So the bound is as
 them leads to is not in it.
 """
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from airrace.model.track.course import Course
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.optimal_control.trajectory import Array
 from airrace.procedure.guess import concatenate
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
-from airrace.procedure.multistart.gate_prices import GatePrice
 from airrace.procedure.multistart.price_program import Proposal, propose_weights
 from airrace.procedure.multistart.priced_window import (
+    LEGS_MAX,
     PricedWindow,
+    Prices,
     RaceGuess,
     Window,
     WindowFlight,
     WindowGuess,
+    gates_between_windows,
     moved_guesses,
     rolled_guesses,
 )
@@ -39,8 +39,6 @@ from airrace.procedure.result import BoundedWindow, LowerBound
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.warm_start import InitialBarrier
 
-LEGS_MAX = 3
-"""The largest number of legs of a window, from one gate that stands to the next."""
 PROPOSALS_MAX = 15
 """The number of proposals of prices before the windows are solved from all starts again."""
 ROUNDS_MAX = 8
@@ -60,21 +58,6 @@ NEAREST = 2
 DISTINCT_TOLERANCE, DUPLICATE_TOLERANCE, LOWERED_MIN = 0.3, 1e-3, 1e-5
 """Features differ by this much between flights of which both are worth a start (1), and by this little in copies (1),
 which are kept only where their priced time is lower by so much (s)."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Prices:
-    """The prices at all gates between windows, by passage."""
-
-    at: dict[int, GatePrice]
-
-    def window(self, window: Window) -> PricedWindow:
-        return PricedWindow(window, self.at.get(window[0]), self.at.get(window[1]))
-
-    def with_weights(self, weights: Mapping[int, Array]) -> "_Prices":
-        """Return the prices with other weights at some gates."""
-        changed = {gate: replace(self.at[gate], weights=values) for gate, values in weights.items()}
-        return _Prices({**self.at, **changed})
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,22 +107,13 @@ class PriceSearch:
     ) -> None:
         self.best = best
         self._course, self._cruise, self._mesh, self._pool, self._report = course, cruise, mesh, pool, report
-        passages, ends = course.passages, (0, len(course.passages) - 1)
-        self._gates = [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
+        self._gates = gates_between_windows(course)
         self._others = others
         self._flights: dict[Window, list[WindowFlight]] = {}  # the best flight's piece first
         self._starts: dict[Window, list[WindowGuess]] = {}
-        self._evaluated: list[tuple[_Prices, Window, WindowFlight]] = []
+        self._evaluated: list[tuple[Prices, Window, WindowFlight]] = []
         self._solves, self._unsolved = 0, 0
-        states, nodes = best.problem.system.states, best.problem.first_node
-        self._prices = _Prices(
-            {
-                gate: GatePrice.from_costate(
-                    states, best.iterate.state[:, nodes[gate]], best.costates[:, nodes[gate] - 1]
-                )
-                for gate in self._gates[1:-1]
-            }
-        )
+        self._prices = Prices.of(best, self._gates)
         self._cover: list[Window] = []  # windows that make up the race, once they are chosen
         self._joined: list[list[WindowFlight]] = []
         self._add_pieces(best)
@@ -226,7 +200,7 @@ class PriceSearch:
         self._unsolved += sum(flight is None for flight in outcomes)
         return outcomes
 
-    def _solve_from_nearest(self, prices: _Prices) -> bool:
+    def _solve_from_nearest(self, prices: Prices) -> bool:
         """Solve windows from the nearest known flights; return whether every window has led to a flight."""
         jobs = [(priced, guess) for priced in map(prices.window, self._cover) for guess in self._nearest(priced)]
         solved = {
@@ -256,7 +230,7 @@ class PriceSearch:
 
     def evaluated(self) -> list[EvaluatedWindow]:
         """Return the flights that windows were solved to from all starts, as they are priced by all that is known."""
-        bounds: dict[_Prices, float] = {}
+        bounds: dict[Prices, float] = {}
         evaluated: list[EvaluatedWindow] = []
         for prices, window, flight in self._evaluated:
             if prices not in bounds:
@@ -269,7 +243,7 @@ class PriceSearch:
     def _least(self, priced: PricedWindow) -> float:
         return min(map(priced.time_of, self._flights[priced.window]))
 
-    def _bound(self, prices: _Prices) -> float:
+    def _bound(self, prices: Prices) -> float:
         return sum(self._least(prices.window(window)) for window in self._cover)
 
     # the prices
@@ -295,11 +269,6 @@ class PriceSearch:
             best[last] = max(choices, key=lambda choice: choice[:2])
         return best[self._gates[-1]][2]
 
-    def _even_cover(self) -> list[Window]:
-        """Return windows, end to end, of as many legs as they may have."""
-        ends = [*self._gates[:-1:LEGS_MAX], self._gates[-1]]
-        return list(itertools.pairwise(ends))
-
     def _ascend(self, radius: float) -> float:
         """Raise the bound by better prices; return how far weights may move at a time in the end, s."""
         bound = self._bound(self._prices)
@@ -323,25 +292,6 @@ class PriceSearch:
         return propose_weights({window: self._flights[window] for window in self._cover}, weights, radius)
 
     # faster flights
-
-    def improve_from_others(self) -> bool:
-        """Join what others lead to in windows where that is faster than from the best flight; return whether it gains.
-
-        The prices are those of the best flight. What a window saves by them is seldom saved by the race, and its own
-        piece saves as much where it is solved at these prices: only what is below that is another route.
-        """
-        self._cover = self._even_cover()
-        own = [self._flights[window][0] for window in self._cover]
-        priced = [self._prices.window(window) for window in self._cover]
-        self._solve([(window, flight.guess) for window, flight in zip(priced, own, strict=True)])
-        least = [self._least(window) for window in priced]
-        combinations: list[list[WindowFlight]] = []
-        for other in self._others:
-            outcomes = self._solve([(window, other.within(window.window)) for window in priced])
-            for number, flight in enumerate(outcomes):
-                if flight is not None and priced[number].time_of(flight) < least[number] - SAVED_MIN:
-                    combinations.append([*own[:number], flight, *own[number + 1 :]])
-        return self._join(combinations)
 
     def _combinations(self) -> list[list[WindowFlight]]:
         """Return the flights that prices would combine, and the least of each window with the best flight around it."""

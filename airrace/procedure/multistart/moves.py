@@ -115,13 +115,13 @@ class MoveGenerator:
         spare = min(count, len(problem_phase.fractions) - FEWEST)
         return 0 if problem_phase.bounds or spare < FEWEST else spare
 
-    def from_flight(self, other: CoarseSolution, group: Sequence[Segment]) -> Move:
+    def from_flight(self, other: CoarseSolution, group: Sequence[Segment], kind: str) -> Move:
         """Return the route of another flight through neighbouring segments."""
         first, last = group[0], group[-1]
         stops = {index for segment in group for index in (segment.first, segment.last)}
         mixed = self._decisions.with_those_of(self._decisions_of(other), stops)
         pieces = {index: phase_piece(other.iterate, other.problem, index) for index in range(first.first, last.last)}
-        return self._move(first, last, plan(self._course, self._pace, mixed), pieces, "from another start")
+        return self._move(first, last, plan(self._course, self._pace, mixed), pieces, kind)
 
     def replicate_in_other_laps(self, move: EvaluatedMove, kind: str) -> Iterator[Move]:
         """Yield a faster move for the other laps: wherever the same passages follow one another."""

@@ -2,8 +2,8 @@
 
 The joint problem has many local optima: a turn flat or over the top, to the left or to the right, a pylon rounded one
 way or the other, a reversal before or behind its gate. Several plans are solved coarsely, the best of them is changed
-segment by segment where another route is proposed, and by what a tight plan leads to in windows between priced gates;
-what is faster is solved as a whole again.
+segment by segment where another route is proposed, and by what plans that fail as a whole lead to in windows between
+priced gates; what is faster is solved as a whole again.
 
 A flight that was started from another run is searched around likewise, for a route that has become faster.
 """
@@ -28,9 +28,10 @@ from airrace.procedure.multistart.coarse_solution import (
     solve_coarse,
     solve_finer,
 )
-from airrace.procedure.multistart.lower_bound import LEGS_MAX, EvaluatedWindow, PriceSearch
+from airrace.procedure.multistart.lower_bound import EvaluatedWindow, PriceSearch
 from airrace.procedure.multistart.plans import own_plans
-from airrace.procedure.multistart.priced_window import RaceGuess
+from airrace.procedure.multistart.priced_moves import priced_moves
+from airrace.procedure.multistart.priced_window import LEGS_MAX, RaceGuess
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search, SearchBudget, SearchResult, planned_starts
 from airrace.procedure.multistart.segments import (
     Segment,
@@ -110,7 +111,8 @@ def search_routes(
     starts: Sequence[InitialGuess] | None = None,
     alternatives: int = 1,
     *,
-    solved: Sequence[CoarseSolution | None] = (),
+    solved: Sequence[CoarseSolution] = (),
+    failed: Sequence[InitialGuess] = (),
     gap: float | None = None,
 ) -> FoundRoutes:
     """Look for the fastest route.
@@ -122,7 +124,7 @@ def search_routes(
         budget: how much is tried.
         starts: flights to begin with; None for the plans of the budget.
         alternatives: least number of flights.
-        solved: solutions from further starts.
+        solved, failed: solutions from further starts, and those that have led to none.
         gap: the share of the race time within which a lower bound is sought, and faster routes with it; None for none.
     """
     began = time.perf_counter()
@@ -133,8 +135,8 @@ def search_routes(
     with session.pool() as pool:
         search = Search(stage_problem, course, budget, pool, report_progress)
         starts = planned_starts(stage_problem, course, budget) if starts is None else starts
-        search.run(starts, solved)
-        _improve_in_windows(search, stage_problem, budget, session.settings.mesh, pool, report_progress)
+        search.run(starts, solved, failed)
+        _improve_by_prices(search, course, pool)
         fastest = _fastest(search.result().flights, course, max(budget.compared_max, alternatives))
         if fastest:
             report_progress(f"{len(fastest)} route{'s' * (len(fastest) > 1)} compared on a finer mesh")
@@ -153,30 +155,16 @@ def search_routes(
     return FoundRoutes(starts_of_routes, replace(record, bound=unknown).report, near_count, rounds)
 
 
-def _improve_in_windows(
-    search: Search,
-    stage_problem: StageProblem,
-    budget: SearchBudget,
-    mesh: MeshSettings,
-    pool: SolverPool,
-    report: Callable[[str], None],
-) -> None:
-    """Improve the best flight by what the tightest plan leads to in windows between priced gates.
+def _improve_by_prices(search: Search, course: Course, pool: SolverPool) -> None:
+    """Improve the best flight by what starts that have failed lead to in windows between priced gates.
 
-    As a whole that plan may fail, or lead to where others do, although it is the better route for a few legs.
+    A plan that fails as a whole may be the better route for a few legs.
     """
-    course, cruise = stage_problem.course, stage_problem.plan.cruise
-    tightest = planned_starts(stage_problem, course, budget)[-1:]
-    others = [RaceGuess.of(plan) for plan in tightest]
+    guesses = [RaceGuess.of(start) for start in search.failed_starts]
     flights = search.result().flights[:1]
-    for _ in range(budget.iterations):
-        if not flights or not math.isfinite(flights[0].race_time):
-            return
-        report(f"other routes between gates: {flights[0].race_time:.2f} s so far")
-        prices = PriceSearch(flights[0], others, course, cruise, mesh, pool, report)
-        if not prices.improve_from_others():
-            return
-        flights = (search.go_on_from(prices.best),)
+    if guesses and flights and math.isfinite(flights[0].race_time):
+        propose = partial(priced_moves, guesses=guesses, course=course, pool=pool)
+        search.improve_by(flights[0], "routes between gates", propose)
 
 
 def _search_by_prices(

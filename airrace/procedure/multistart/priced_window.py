@@ -1,6 +1,6 @@
 """Windows between two gates a few legs apart, flown for the least time with the states at both gates priced."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -32,6 +32,8 @@ from airrace.procedure.warm_start import InitialBarrier
 
 Window = tuple[int, int]
 """The passages at which a window begins and ends."""
+LEGS_MAX = 3
+"""The largest number of legs of a window, from one gate that stands to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +114,49 @@ class PricedWindow:
         at_start, at_end = (np.zeros(0) if price is None else price.features.at(state) for price, state in ends)
         return WindowFlight(guess.stage_problem, guess.race, iterate, seconds, at_start, at_end)
 
-    def solve(self, service: SolverService, guess: WindowGuess) -> WindowFlight | None:
+    def solve(self, service: SolverService, guess: WindowGuess, *, gives_up_early: bool = False) -> WindowFlight | None:
         """Return the flight of least priced time near a guess; None if there is none within the budget."""
         problem = self.problem(guess.race)
-        solution = try_solve(service, problem, guess.iterate, coarse_options(guess.barrier, ITERATIONS_MAX))
+        options = coarse_options(guess.barrier, ITERATIONS_MAX, gives_up_early=gives_up_early)
+        solution = try_solve(service, problem, guess.iterate, options)
         if solution is None or not solution.success:
             return None
         seconds = float(solution.iterate.durations.sum() + objective_error(problem, solution).sum())
         return self.flight(guess, solution.iterate, seconds) if np.isfinite(seconds) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Prices:
+    """The prices at all gates between windows, by passage."""
+
+    at: dict[int, GatePrice]
+
+    @classmethod
+    def of(cls, flight: CoarseSolution, gates: Sequence[int]) -> Self:
+        """Return the costates of a flight at gates as prices; none at both ends of the race."""
+        states, nodes = flight.problem.system.states, flight.problem.first_node
+        state, costates = flight.iterate.state, flight.costates
+        return cls(
+            {
+                gate: GatePrice.from_costate(states, state[:, nodes[gate]], costates[:, nodes[gate] - 1])
+                for gate in gates[1:-1]
+            }
+        )
+
+    def window(self, window: Window) -> PricedWindow:
+        """Return a window with the prices at its ends."""
+        return PricedWindow(window, self.at.get(window[0]), self.at.get(window[1]))
+
+    def with_weights(self, weights: Mapping[int, Array]) -> "Prices":
+        """Return the prices with other weights at some gates."""
+        changed = {gate: replace(self.at[gate], weights=values) for gate, values in weights.items()}
+        return Prices({**self.at, **changed})
+
+
+def gates_between_windows(course: Course) -> list[int]:
+    """Return the passages at which windows may begin and end: those that stand, and both ends of the race."""
+    passages, ends = course.passages, (0, len(course.passages) - 1)
+    return [index for index, passage in enumerate(passages) if passage.element.stands or index in ends]
 
 
 def rolled_guesses(guess: WindowGuess) -> list[WindowGuess]:

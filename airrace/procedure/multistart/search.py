@@ -115,6 +115,9 @@ class Search:
         budget: how much is tried.
         pool: what solves.
         report: takes what is being done, in words.
+
+    Attributes:
+        failed_starts: those that have led to no flight.
     """
 
     def __init__(
@@ -127,6 +130,7 @@ class Search:
     ) -> None:
         self._flight, self._course, self._pace = stage_problem, course, stage_problem.plan.cruise
         self._budget, self._pool, self._report = budget, pool, report
+        self.failed_starts: list[InitialGuess] = []
         self._flights: list[CoarseSolution] = []
         self._starts: list[CoarseSolution] = []
         self._moves: list[EvaluatedMove] = []
@@ -134,13 +138,25 @@ class Search:
         self._failing: set[tuple[int, str]] = set()
         self._failed = 0
 
-    def run(self, starts: Sequence[InitialGuess], solved: Sequence[CoarseSolution | None] = ()) -> SearchResult:
-        """Try starts, then improve the best of the flights that they lead to, and of those that are solved already."""
-        self._report(f"{len(starts) + len(solved)} starts, solved coarsely")
-        outcomes = [*self._pool.work(starts, solve_coarse), *solved]
-        self._starts = [flight for flight in outcomes if flight is not None]
+    def run(
+        self,
+        starts: Sequence[InitialGuess],
+        solved: Sequence[CoarseSolution] = (),
+        failed: Sequence[InitialGuess] = (),
+    ) -> SearchResult:
+        """Try starts, then improve the best of the flights that they lead to.
+
+        Args:
+            starts: to be tried.
+            solved, failed: flights that others have led to already, and those that have led to none.
+        """
+        self._report(f"{len(starts) + len(solved) + len(failed)} starts, solved coarsely")
+        outcomes = self._pool.work(starts, solve_coarse)
+        self._starts = [*(flight for flight in outcomes if flight is not None), *solved]
         self._flights = list(self._starts)
-        self._failed = len(outcomes) - len(self._flights)
+        self.failed_starts = [start for start, flight in zip(starts, outcomes, strict=True) if flight is None]
+        self.failed_starts += failed
+        self._failed = len(self.failed_starts)
         if self._flights:
             self.improve(min(self._flights, key=lambda flight: flight.race_time))
         return self.result()
@@ -153,10 +169,30 @@ class Search:
             return best
         return self._improve_routes(better, differing(best, better, segments_of(self._course)))
 
-    def go_on_from(self, flight: CoarseSolution) -> CoarseSolution:
-        """Return the flight at the end of a sequence of moves from one that was found elsewhere."""
-        self._flights.append(flight)
-        return self.improve(flight)
+    def improve_by(
+        self,
+        best: CoarseSolution,
+        what: str,
+        propose: Callable[[MoveGenerator, Set[int]], list[Move]],
+    ) -> CoarseSolution:
+        """Return the flight at the end of a sequence of proposed moves; where these gain time, with all others tried.
+
+        Args:
+            best: the flight to begin with.
+            what: is changed, in words.
+            propose: returns moves whose windows hold some of these phases.
+        """
+        segments = segments_of(self._course)
+        different: Sequence[Segment] = segments
+        for _ in range(self._budget.iterations):
+            better = self._repeat(best, what, propose, different)
+            if better is best:
+                return best
+            best = self._improve_routes(better, differing(best, better, segments))
+            if best is better:
+                return best
+            different = differing(better, best, segments)
+        return best
 
     def _improve_routes(self, best: CoarseSolution, different: Sequence[Segment]) -> CoarseSolution:
         return self._repeat(
@@ -302,7 +338,7 @@ class Search:
                     continue
                 if not any(group == segments and not differing(flight, start, group) for start, segments in routes):
                     routes.append((flight, group))
-        return [generator.from_flight(flight, group) for flight, group in routes]
+        return [generator.from_flight(flight, group, "from another start") for flight, group in routes]
 
     def _combine(
         self, base: CoarseSolution, moves: Sequence[EvaluatedMove]

@@ -264,26 +264,6 @@ def test_routes_through_windows_are_priced_by_all_that_is_known_in_the_end(monke
     assert [least[0, 1], least[1, 2]] == pytest.approx([bound.seconds] * 2)
 
 
-def test_route_of_a_tight_plan_is_found_in_windows_between_gates() -> None:
-    """The race's own plan is wide: its flight winds itself around the pylons. No flight of the whole race along the
-    tight one is needed."""
-    tight = planned_starts(prepared(SLALOM), SLALOM.course, QUICK)[-1]
-    with price_search(SLALOM, others=[tight]) as (search, _):
-        assert search.improve_from_others()
-    assert search.best.race_time < planned_coarse_solution(SLALOM).race_time - 5.0
-
-
-def test_windows_in_which_another_guess_leads_to_the_same_flight_are_not_joined(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Prices linear in the state promise more than a race saves; they promise it to its own pieces, too."""
-    joined: list[int] = []
-    monkeypatch.setattr(PriceSearch, "_solve_race", lambda *_: joined.append(0))
-    with price_search(ONE_LEG) as (search, _):
-        assert not search.improve_from_others()
-    assert joined == []
-
-
 def test_flight_whose_errors_are_unknown_has_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = planned_coarse_solution(SLALOM)
     unknown = replace(flight, errors=np.full_like(flight.errors, np.inf))

@@ -221,7 +221,7 @@ def test_route_of_another_flight_saves_what_that_flight_is_faster() -> None:
     base, good = planned_coarse_solution(SLALOM), planned_coarse_solution(slalom(8.0))
     assert good.race_time < base.race_time - 5.0
     neighbourhood = generator(base, SLALOM)
-    found = evaluated(neighbourhood.from_flight(good, neighbourhood.segments))
+    found = evaluated(neighbourhood.from_flight(good, neighbourhood.segments, "another"))
     fast, slow = optimum(SLALOM).trajectory.race_time, optimum(SLALOM, OFF).trajectory.race_time
     assert slow > fast + 5.0
     assert found.saved == pytest.approx(base.race_time - fast, abs=0.05)

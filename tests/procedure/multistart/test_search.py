@@ -28,7 +28,7 @@ from airrace.optimal_control.trajectory import Trajectory
 from airrace.pages.views.stage_tables import claim, search_table
 from airrace.procedure import procedure, restart
 from airrace.procedure.mesh_loop import solve_certified
-from airrace.procedure.multistart import multistart, search
+from airrace.procedure.multistart import multistart, priced_moves, search
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
     coarse_options,
@@ -40,7 +40,7 @@ from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.search import QUICK as BUDGET
-from airrace.procedure.multistart.search import SAVED_MIN, Radius, Search, SearchBudget
+from airrace.procedure.multistart.search import SAVED_MIN, Radius, Search, SearchBudget, planned_starts
 from airrace.procedure.multistart.window import EvaluatedMove
 from airrace.procedure.procedure import optimize, solve_point_mass
 from airrace.procedure.result import Route, SearchReport, Silent, StageResult, Status
@@ -180,6 +180,27 @@ def test_rolls_are_tried_of_all_flights_that_may_be_the_fastest(monkeypatch: pyt
     assert rolled == [flights[0], flights[2]]
     assert len(routes.starts) == 3
     assert routes.near_count == 3
+
+
+@pytest.mark.parametrize("before", [True, False], ids=["before", "in the search"])
+@pytest.mark.parametrize("fails", [True, False])
+def test_plan_that_fails_as_a_whole_is_tried_in_windows_between_gates(
+    fails: bool, before: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No other move is made: without the windows the flight stays wound around its pylons."""
+    base = planned_coarse_solution(SLALOM)
+    tightest = planned_starts(prepared(SLALOM), SLALOM.course, BUDGET)[-1]
+    monkeypatch.setattr(priced_moves, "LEGS_MAX", 2)
+    monkeypatch.setattr(search, "solve_coarse", lambda *_: None if fails else base)
+    monkeypatch.setattr(Search, "improve", lambda _, flight: flight)
+    monkeypatch.setattr(Search, "_other_routes", lambda *_: [])
+    with open_session() as session:
+        starts, failed = ([], [tightest] if fails else []) if before else ([tightest], [])
+        routes = search_routes(
+            prepared(SLALOM), SLALOM.course, session, BUDGET, starts=starts, solved=[base], failed=failed
+        )
+    fastest = float(routes.starts[0].guess.durations.sum())
+    assert (fastest < base.race_time - 5.0) is fails
 
 
 def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: pytest.MonkeyPatch) -> None:
