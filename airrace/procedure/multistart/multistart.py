@@ -124,7 +124,7 @@ def search_routes(
         budget: how much is tried.
         starts: flights to begin with; None for the plans of the budget.
         alternatives: least number of flights.
-        solved, failed: solutions from further starts, and those that have led to none.
+        solved, failed: flights that further starts have led to before, and further ones that have led to none.
         gap: the share of the race time within which a lower bound is sought, and faster routes with it; None for none.
     """
     began = time.perf_counter()

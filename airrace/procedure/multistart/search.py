@@ -148,7 +148,7 @@ class Search:
 
         Args:
             starts: to be tried.
-            solved, failed: flights that others have led to already, and those that have led to none.
+            solved, failed: flights that further starts have led to before, and further ones that have led to none.
         """
         self._report(f"{len(starts) + len(solved) + len(failed)} starts, solved coarsely")
         outcomes = self._pool.work(starts, solve_coarse)
