@@ -40,6 +40,11 @@ class DubinsPath:
         """The sum of all turns along the path, to whichever side, rad."""
         return sum(abs(length * bend) for length, bend in zip(self.lengths, self.curvatures, strict=True))
 
+    @property
+    def turn(self) -> float:
+        """The angle by which the heading changes along the path, rad, positive to the right."""
+        return sum(length * bend for length, bend in zip(self.lengths, self.curvatures, strict=True))
+
     def curvature(self, s: Array) -> Array:
         """Return the curvature at arc lengths `s`, shape (n,), 1/m."""
         edges = np.cumsum(self.lengths)[:-1]

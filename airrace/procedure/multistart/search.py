@@ -18,7 +18,7 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, Initial
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.segments import Segment, differing, neighbours, same_route, segments_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves, evaluate
-from airrace.procedure.planning.plan import decisions_from_solution, plan
+from airrace.procedure.planning.plan import Plan, decisions_from_solution, plan
 from airrace.procedure.planning.planning_model import PlanningModel
 from airrace.procedure.planning.route_decisions import RouteDecisions
 from airrace.procedure.stage_problem import StageProblem
@@ -31,6 +31,9 @@ RETRIED_GAIN = 1.0
 
 A window asks for the states of the flight around it, which a route that is seconds faster does not pass.
 """
+OTHER_TURN = math.radians(90.0)
+"""The difference from which on two plans turn otherwise through a segment, rad. A smaller radius alone changes turns by
+up to 30 degrees, another order of headings at pylons by 140 and more (44 courses)."""
 RETRIED_MAX = 2
 """The largest number of moves, those of the best plans, that are solved jointly although their windows have failed."""
 
@@ -55,6 +58,7 @@ class SearchBudget:
 
     Attributes:
         radii: of the plans that are solved as a whole, besides the race's own plan.
+        tightest_radius: of a further plan, which is solved only if it turns otherwise than all of these somewhere.
         planning_radius: at which moves are planned.
         plan_penalty_max: s, by which the plan of a move may take longer than that of the flight.
         iterations: how often the best flight is improved, at most.
@@ -65,6 +69,7 @@ class SearchBudget:
     """
 
     radii: tuple[Radius, ...]
+    tightest_radius: Radius
     planning_radius: Radius
     plan_penalty_max: float
     iterations: int
@@ -74,6 +79,7 @@ class SearchBudget:
 
 QUICK = SearchBudget(
     radii=(Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
+    tightest_radius=Radius(0.3),
     planning_radius=Radius(0.5),
     plan_penalty_max=2.0,
     iterations=3,
@@ -86,8 +92,21 @@ per cent; the fastest that it finds on Rovinj from a flight on another route tak
 
 def planned_starts(stage_problem: StageProblem, course: Course, budget: SearchBudget) -> list[InitialGuess]:
     """Return plans of different radius."""
-    paces = [radius.scale(stage_problem.plan.cruise) for radius in budget.radii]
-    return [planned_guess(stage_problem, plan(course, pace), InitialBarrier.COLD) for pace in paces]
+    cruise, segments = stage_problem.plan.cruise, segments_of(course)
+    routes = [plan(course, radius.scale(cruise)) for radius in budget.radii]
+    tightest = plan(course, budget.tightest_radius.scale(cruise))
+    if any(_turns_otherwise(tightest, [stage_problem.plan, *routes], segment) for segment in segments):
+        routes.append(tightest)
+    return [planned_guess(stage_problem, route, InitialBarrier.COLD) for route in routes]
+
+
+def _turns_otherwise(planned: Plan, others: Sequence[Plan], segment: Segment) -> bool:
+    """Return whether a plan turns through a segment as none of the others does; legs without paths do not turn."""
+    turns: list[float] = []
+    for route in (planned, *others):
+        paths = [leg.path for leg in route.legs[segment.first : segment.last]]
+        turns.append(sum(path.turn for path in paths if path is not None))
+    return all(abs(turns[0] - turn) > OTHER_TURN for turn in turns[1:])
 
 
 @dataclass(frozen=True, eq=False)

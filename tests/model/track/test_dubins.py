@@ -59,11 +59,6 @@ def test_the_reversed_path_has_the_same_length(north: float, east: float, a: flo
 side = st.sampled_from([1, -1])
 
 
-def turned(path: DubinsPath) -> float:
-    """What a path turns on the whole, rad, positive to the right."""
-    return sum(length * bend for length, bend in zip(path.lengths, path.curvatures, strict=True))
-
-
 def to_side(north: float, east: float, a: float, b: float, chosen: int = 0) -> DubinsPath:
     return shortest(np.zeros(2), a, np.array([north, east]), b, 100.0, chosen)
 
@@ -72,9 +67,9 @@ def to_side(north: float, east: float, a: float, b: float, chosen: int = 0) -> D
 def test_path_to_one_side_turns_to_it_on_the_whole_and_arrives(
     north: float, east: float, a: float, b: float, chosen: int
 ) -> None:
-    assume(abs(turned(to_side(north, east, a, b))) > 1e-6)  # a straight is to no side
+    assume(abs(to_side(north, east, a, b).turn) > 1e-6)  # a straight is to no side
     path = to_side(north, east, a, b, chosen)
-    assert chosen * turned(path) > 0.0
+    assert chosen * path.turn > 0.0
     n, e, heading = (float(values[0]) for values in path.points(np.array([path.length])))
     assert math.hypot(n - north, e - east) < 1e-3
     assert abs(math.remainder(heading - b, 2 * math.pi)) < 1e-5
@@ -85,7 +80,7 @@ def test_better_of_both_sides_is_the_shortest_path_and_neither_is_shorter(
     north: float, east: float, a: float, b: float
 ) -> None:
     free = to_side(north, east, a, b)
-    assume(abs(turned(free)) > 1e-6)  # a straight is to no side
+    assume(abs(free.turn) > 1e-6)  # a straight is to no side
     left, right = to_side(north, east, a, b, -1), to_side(north, east, a, b, 1)
     assert min(left.length, right.length) == pytest.approx(free.length, rel=1e-12)
 
@@ -96,7 +91,7 @@ def test_mirrored_path_to_the_other_side_has_the_same_length(
 ) -> None:
     assume(math.hypot(north, east) > 1.0)  # closer, whether a turn is none or a full circle is a matter of rounding
     path = to_side(north, east, a, b, chosen)
-    assume(abs(turned(path)) > 1e-6)
+    assume(abs(path.turn) > 1e-6)
     assert to_side(north, -east, -a, -b, -chosen).length == pytest.approx(path.length, rel=1e-6, abs=1e-3)
 
 
@@ -119,8 +114,8 @@ def test_lengths_of_many_paths_at_once_are_those_of_each(
 @given(coordinate, coordinate, angle, angle)
 def test_what_a_path_turns_is_the_sum_of_what_its_parts_turn(north: float, east: float, a: float, b: float) -> None:
     path = to_side(north, east, a, b)
-    assert path.turning >= abs(turned(path)) - 1e-9
-    assert math.isclose(math.remainder(turned(path) - (b - a), 2 * math.pi), 0.0, abs_tol=1e-5)
+    assert path.turning >= abs(path.turn) - 1e-9
+    assert math.isclose(math.remainder(path.turn - (b - a), 2 * math.pi), 0.0, abs_tol=1e-5)
     middle = 0.4 * path.length
     parts = path.part(0.0, middle).turning + path.part(middle, path.length).turning
     assert parts == pytest.approx(path.turning, abs=1e-9)
@@ -129,7 +124,7 @@ def test_what_a_path_turns_is_the_sum_of_what_its_parts_turn(north: float, east:
 def test_turning_counts_turns_to_both_sides_and_no_straights() -> None:
     path = DubinsPath(0.0, 0.0, 0.0, (100.0, 50.0, 30.0), (0.01, 0.0, -0.01))
     assert path.turning == pytest.approx(1.3)
-    assert turned(path) == pytest.approx(0.7)
+    assert path.turn == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("side", [-1, 0, 1])

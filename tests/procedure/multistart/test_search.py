@@ -3,12 +3,13 @@
 import dataclasses
 import itertools
 import logging
+import math
 import threading
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from races import SHIPPED, SMALL, blown, models_of, prepared
+from races import EDGE_540, RULES, SHIPPED, SMALL, blown, course, level, models_of, prepared, pylon
 from search_races import (
     OFF,
     PLAN,
@@ -23,6 +24,8 @@ from search_races import (
 from test_moves import own_window
 from transformations import mirrored
 
+from airrace.model.environment import Air
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.optimal_control.trajectory import Trajectory
 from airrace.pages.views.stage_tables import claim, search_table
@@ -123,6 +126,28 @@ def test_result_is_the_same_in_every_bit_whoever_does_the_work(threads: int) -> 
 def search_with(budget: SearchBudget, race: Race) -> FoundRoutes:
     with open_session() as session:
         return search_routes(prepared(race), race.course, session, budget)
+
+
+def test_a_tighter_plan_is_a_start_where_it_alone_turns_another_way() -> None:
+    """Between two pylons that stand near each other: wide plans make most of a circle, a tight one goes straight on."""
+    circuit = course(
+        "circuit",
+        level("start", 0.0, 0.0, 319.0),
+        pylon("first", 387.2, 53.6, 122.0),
+        pylon("second", 495.2, -51.8, 134.0),
+        pylon("third", 32.9, -205.0, 240.0),
+        level("finish", 0.0, 0.0, 319.0),
+        rules=dataclasses.replace(RULES, n_z=Interval(-2.0, 4.0)),
+    )
+    race = Race(circuit, EDGE_540, Air())
+    budget = dataclasses.replace(BUDGET, radii=(Radius(0.7),))
+    *wide, tightest = (start.stage_problem.plan for start in planned_starts(prepared(race), circuit, budget))
+    assert len(wide) == 1
+    between = [leg.path.turn for leg in (wide[0].legs[1], tightest.legs[1]) if leg.path]
+    assert abs(between[0]) > math.radians(180.0) > math.radians(90.0) > abs(between[1])
+    # a tight plan among those of the budget takes the way that the tightest one takes
+    budget = dataclasses.replace(BUDGET, radii=(Radius(0.7), Radius(0.3)))
+    assert len(planned_starts(prepared(race), circuit, budget)) == 2
 
 
 @pytest.mark.slow
