@@ -22,6 +22,7 @@ import numpy as np
 from airrace.model.dynamics.flight_model import FlightModel
 from airrace.model.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.model.track.course import Course
+from airrace.model.track.polygons import Point
 from airrace.optimal_control.mesh_refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.quantities import Interval
@@ -30,6 +31,7 @@ from airrace.optimal_control.system import SYMBOLS, Observation, System
 from airrace.optimal_control.trajectory import Array
 from airrace.procedure.planning.clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
 from airrace.procedure.planning.plan import Plan
+from airrace.procedure.planning.route_decisions import Waypoint
 from airrace.procedure.result import PylonCondition, PylonSide
 
 CLEARANCE_ROUNDS_MAX = 6
@@ -54,6 +56,8 @@ HOLDING_CLEARANCE = 0.01
 """Margin up to which a condition is active, m."""
 BINDING_CLEARANCE = 1.0
 """Margin up to which it may be active on the next mesh, m."""
+TIP_DEPTH_MAX = 0.25
+"""Depth of the lower tip below the top of a pylon beside it up to which the wing may as well pass above, m."""
 OFFSET_MAX = 2e-3
 """Time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. A judgement: nodes that
 were moved lie within half a millisecond; at 18 ms it drifted by four times its limit."""
@@ -189,57 +193,76 @@ class ClearanceConstraints:
         return self._at_passings(plan) if self.conditions is None else self.conditions
 
     def _at_passings(self, plan: Plan) -> tuple[PylonCondition, ...]:
-        """Return a condition for every pylon of every passing, on the side on which the plan passes it."""
+        """Return a condition for every pylon of every passing, on the side on which the plan passes it.
+
+        A wing that is higher at its prescribed bank passes above.
+        """
         conditions: list[PylonCondition] = []
         standing = {place_of(pylon): pylon for pylon in self.pylons.values() if not pylon.is_obstacle}
         for number, waypoint in enumerate(plan.waypoints):
-            element, right = waypoint.passage.element, waypoint.axis + math.pi / 2
+            element = waypoint.passage.element
             posts = element.drawing().posts if element.place is not None else ()
             for place in posts:
                 pylon = standing.get(place_of(place))
-                if pylon is None or element.heights.lower - self.semispan >= pylon.height + pylon.required:
+                if pylon is None:
                     continue
-                assert element.place is not None
-                offset = math.cos(right) * (place.north - element.place[0]) + math.sin(right) * (
-                    place.east - element.place[1]
-                )
-                if len(posts) == 1 and element.passing_side is not None:
-                    offset = -math.cos(element.passing_side - right)
-                side = PylonSide.RIGHT if offset > 0.0 else PylonSide.LEFT
+                above = element.heights.lower - pylon.height - pylon.required
+                if above >= self.semispan:
+                    continue
+                bank = math.pi / 2 if waypoint.bank is None else waypoint.bank
+                is_above = above >= self.semispan * abs(math.sin(bank))
+                side = PylonSide.BELOW if is_above else _side_beside(waypoint, place)
                 leg, share = max(number - 1, 0), float(number > 0)
                 conditions.append(PylonCondition(pylon.name, pylon.post, leg, share, side, 0.0))
         return tuple(conditions)
 
     def on_other_sides(self, plan: Plan, problem: Problem, iterate: Iterate) -> Iterator[tuple[PylonCondition, ...]]:
-        """Yield the conditions with one pylon at a time on the other side of a flight.
+        """Yield the conditions with one pylon at a time on another side of a flight.
 
-        The pylons are those with active conditions that belong to no passing at either end of the leg. An obstacle has
-        all of its cylinders on one side.
+        The pylons are those with active conditions. One of a passing at either end of the leg is to be passed beside or
+        above, if both tips are high enough there; all others left or right, with all cylinders of an obstacle on one
+        side.
         """
         conditions, obstacles = self.conditions_on(plan), set[tuple[str, int]]()
         for condition in conditions:
             pylon = self.pylons[condition.element, condition.post]
-            ends = [plan.waypoints[end].passage.element for end in (condition.leg, condition.leg + 1)]
-            passed = {place_of(post) for element in ends if element.place for post in element.drawing().posts}
-            if (
-                condition.side is PylonSide.BELOW
-                or place_of(pylon) in passed
-                or (pylon.is_obstacle and (pylon.name, condition.leg) in obstacles)
-            ):
+            if pylon.is_obstacle and (pylon.name, condition.leg) in obstacles:
                 continue
             places = np.cumsum([0.0, *problem.phases[condition.leg].fractions])
             node = problem.first_node[condition.leg] + int(np.abs(places - condition.share).argmin())
             outputs = self._observe(condition, iterate.state[:, node])
-            margin = self._clearance(condition, outputs) - self._required_clearance(condition)
-            if margin < HOLDING_CLEARANCE:
+            if self._clearance(condition, outputs) - self._required_clearance(condition) >= HOLDING_CLEARANCE:
+                continue
+            can_be_above = min(outputs["above_left"], outputs["above_right"]) > -TIP_DEPTH_MAX
+            side = self._other_side(condition, plan, can_be_above=can_be_above)
+            if side is None:
+                continue
+            if pylon.is_obstacle:
                 obstacles.add((pylon.name, condition.leg))
-                side = PylonSide.LEFT if condition.side is PylonSide.RIGHT else PylonSide.RIGHT
-                mirrored: list[PylonCondition] = []
-                for current in conditions:
-                    if current is condition or (pylon.is_obstacle and _same_obstacle(current, condition)):
-                        current = dataclasses.replace(current, side=side, error=0.0)
-                    mirrored.append(current)
-                yield tuple(mirrored)
+            changed: list[PylonCondition] = []
+            for current in conditions:
+                if current is condition or (pylon.is_obstacle and _same_obstacle(current, condition)):
+                    current = dataclasses.replace(current, side=side, error=0.0)
+                changed.append(current)
+            yield tuple(changed)
+
+    def _other_side(self, condition: PylonCondition, plan: Plan, *, can_be_above: bool) -> PylonSide | None:
+        """Return the side on which a pylon may be passed as well; None if there is none."""
+        pylon = self.pylons[condition.element, condition.post]
+        ends = [condition.leg, condition.leg + 1]
+        if condition.share > 0.5:
+            ends.reverse()
+        for waypoint in [plan.waypoints[end] for end in ends]:
+            element = waypoint.passage.element
+            for place in element.drawing().posts if element.place else ():
+                if place_of(place) != place_of(pylon):
+                    continue
+                if condition.side is PylonSide.BELOW:
+                    return _side_beside(waypoint, place)
+                return PylonSide.BELOW if can_be_above else None
+        if condition.side is PylonSide.BELOW:
+            return None
+        return PylonSide.LEFT if condition.side is PylonSide.RIGHT else PylonSide.RIGHT
 
     def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:
         """Return the conditions along a plan as constraints on every leg."""
@@ -400,6 +423,17 @@ class ClearanceConstraints:
 
     def _clearance(self, condition: PylonCondition, output: Mapping[str, float]) -> float:
         return min(sign * output[name] for name, sign in OBSERVED_CLEARANCE[condition.side])
+
+
+def _side_beside(waypoint: Waypoint, pylon: Point) -> PylonSide:
+    """Return on which side of its pylon a passing leads past it."""
+    element, right = waypoint.passage.element, waypoint.axis + math.pi / 2
+    assert element.place is not None  # it has a pylon
+    north, east = pylon.north - element.place[0], pylon.east - element.place[1]
+    offset = math.cos(right) * north + math.sin(right) * east
+    if len(element.drawing().posts) == 1 and element.passing_side is not None:
+        offset = -math.cos(element.passing_side - right)
+    return PylonSide.RIGHT if offset > 0.0 else PylonSide.LEFT
 
 
 def _same_obstacle(first: PylonCondition, second: PylonCondition) -> bool:

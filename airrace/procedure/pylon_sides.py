@@ -2,7 +2,7 @@
 second."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 
 from airrace.procedure.choice import SAME_FLIGHT, fastest_of, mesh_resolution
 from airrace.procedure.mesh_loop import Failure, solve_certified
@@ -19,8 +19,8 @@ ITERATIONS_MAX = 60
 """The largest number of iterations of the first solve on another side. Some that led to a flight took 9 to 19; two that
 led to none took 900 together, three times as long as from scratch."""
 
-Sides = frozenset[tuple[str, int, int, PylonSide]]
-"""Element and number of each pylon, the leg, and where it stands as the pilot passes it there."""
+Side = tuple[str, int, int, PylonSide]
+"""Element and number of a pylon, the leg, and where it stands as the pilot passes it there."""
 Solve = Callable[[SolverSession], StageResult | Failure]
 
 
@@ -29,31 +29,40 @@ def with_other_sides(models: StageModels, results: Sequence[StageResult], sessio
 
     What is tried takes nothing from the budget.
     """
-    flights, tried, spent = list(results), set[Sides](), session.budget.spent
+    flights, useless, spent = list(results), set[Side](), session.budget.spent
     for _ in range(ROUNDS_MAX):
         fastest = fastest_of(flights)
-        tried.add(sides_of(fastest.pylon_conditions))
-        solved = session.side_by_side(on_other_sides(models, fastest, tried, session))
+        others = on_other_sides(models, fastest, useless, session)
+        solved = session.side_by_side([solve for _, solve in others])
         faster: list[StageResult] = []
-        for result in solved:
-            if isinstance(result, Failure) or result.trajectory.race_time >= fastest.trajectory.race_time - SAME_FLIGHT:
-                continue
-            if result.certified or (result.holds and not fastest.certified):
+        for (changed, _), result in zip(others, solved, strict=True):
+            if not isinstance(result, Failure) and _is_faster(result, fastest):
                 faster.append(result)
+            else:
+                useless |= changed
         if not faster:
             break
+        useless |= sides_of(fastest.pylon_conditions) - sides_of(fastest_of(faster).pylon_conditions)  # not back again
         flights += faster
     session.budget.spent = spent
     return flights
 
 
-def on_other_sides(models: StageModels, optimum: StageResult, tried: set[Sides], session: SolverSession) -> list[Solve]:
-    """Return solves that start from an optimum and pass one pylon each on its other side, as was not tried yet.
+def _is_faster(result: StageResult, fastest: StageResult) -> bool:
+    """Return whether a result is a faster flight than the fastest, and checked as well."""
+    checked = result.certified or (result.holds and not fastest.certified)
+    return checked and result.trajectory.race_time < fastest.trajectory.race_time - SAME_FLIGHT
+
+
+def on_other_sides(
+    models: StageModels, optimum: StageResult, useless: Set[Side], session: SolverSession
+) -> list[tuple[frozenset[Side], Solve]]:
+    """Return solves that start from an optimum and pass one pylon each on its other side, with its new sides.
 
     Args:
         models: of the race.
         optimum: passed by on its sides.
-        tried: the sides of all flights; those of the solves are added.
+        useless: new sides that are not tried, because they have saved no time before.
         session: with the settings.
     """
     if not optimum.holds:
@@ -63,17 +72,16 @@ def on_other_sides(models: StageModels, optimum: StageResult, tried: set[Sides],
         return []
     race_time = optimum.trajectory.race_time
     slowest = race_time + mesh_resolution(session.settings, race_time)
-    solves: list[Solve] = []
+    own_sides, solves = sides_of(optimum.pylon_conditions), list[tuple[frozenset[Side], Solve]]()
     for conditions in stage_problem.clearance.on_other_sides(stage_problem.plan, stage_problem.problem(mesh), iterate):
-        if (sides := sides_of(conditions)) in tried:
-            continue
-        tried.add(sides)
-        other = stage_problem.with_conditions(conditions)
-        solves.append(functools.partial(_solve, other, optimum, slowest))
+        changed = sides_of(conditions) - own_sides
+        if not changed <= useless:
+            other = stage_problem.with_conditions(conditions)
+            solves.append((changed, functools.partial(_solve, other, optimum, slowest)))
     return solves
 
 
-def sides_of(conditions: Sequence[PylonCondition]) -> Sides:
+def sides_of(conditions: Sequence[PylonCondition]) -> frozenset[Side]:
     """Return on which side every pylon is passed on every leg."""
     return frozenset((condition.element, condition.post, condition.leg, condition.side) for condition in conditions)
 

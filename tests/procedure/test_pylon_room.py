@@ -16,6 +16,7 @@ from airrace.files.inputs import load_inputs
 from airrace.model.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.model.track.course import ClearanceRule
 from airrace.model.track.gates import Passing
+from airrace.optimal_control.quantities import Interval
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.trajectory import Array
@@ -242,6 +243,49 @@ def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
     assert found.certified
     assert min(away for (name, _), away in nearest(race, found).items() if name == "last") >= LEAST_CLEARANCE - 0.01
     assert [one.side for one in found.pylon_conditions if one.element == "last" and one.leg < 2] == [other.side]
+
+
+def with_last_heights(race: Race, lower: float) -> Race:
+    """The race with the least height of its last gate, m, whose pylons are 25 m high."""
+    element = race.course.passages[3].element
+    tolerances = dataclasses.replace(element.tolerances, height=Interval(lower, lower + 10.0))
+    return with_element(race, 3, height=lower + 1.0, tolerances=tolerances)
+
+
+@pytest.mark.parametrize(("lower", "is_above"), [(24.0, False), (25.4, False), (25.6, True)])
+def test_a_wing_that_is_level_above_the_pylons_of_its_gate_is_planned_to_pass_above_them(
+    lower: float, is_above: bool
+) -> None:
+    stage_problem = formulate(Stage.POINT_MASS, with_last_heights(SMALL, lower), PLAN)
+    assert stage_problem.clearance is not None
+    sides = [one.side for one in stage_problem.clearance.conditions_on(stage_problem.plan) if one.element == "last"]
+    assert sides == ([PylonSide.BELOW] * 2 if is_above else [PylonSide.LEFT, PylonSide.RIGHT])
+
+
+def test_a_wing_on_edge_is_planned_to_pass_beside_pylons_that_its_centre_is_above() -> None:
+    tolerances = dataclasses.replace(SMALL.course.passages[2].element.tolerances, height=Interval(27.0, 35.0))
+    race = with_element(SMALL, 2, height=28.0, tolerances=tolerances)
+    stage_problem = formulate(Stage.POINT_MASS, race, PLAN)
+    assert stage_problem.clearance is not None
+    sides = [one.side for one in stage_problem.clearance.conditions_on(stage_problem.plan) if one.element == "edge"]
+    assert sides == [PylonSide.LEFT, PylonSide.RIGHT]
+
+
+def test_a_pylon_of_a_gate_that_is_crossed_above_it_may_be_passed_beside_it_and_back() -> None:
+    race = with_last_heights(SMALL, 25.6)
+    result = optimum(race, PLAN)
+    stage_problem = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
+    assert stage_problem.clearance is not None
+    problem, iterate = stage_problem.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    (beside,) = stage_problem.clearance.on_other_sides(stage_problem.plan, problem, iterate)
+    (before,), (after,) = set(result.pylon_conditions) - set(beside), set(beside) - set(result.pylon_conditions)
+    assert (before.element, before.post, before.side) == ("last", 0, PylonSide.BELOW)
+    assert (after.element, after.post, after.side) == ("last", 0, PylonSide.LEFT)
+    # the flight passes above: with the condition that it does not fulfil it is to pass above again
+    along = stage_problem.with_conditions(beside)
+    assert along.clearance is not None
+    above = list(along.clearance.on_other_sides(along.plan, problem, iterate))
+    assert [{*sides} - {*beside} for sides in above] == [{dataclasses.replace(before, error=0.0)}]
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from airrace.procedure.mesh_loop import Failure, solve_certified
 from airrace.procedure.multistart.multistart import FoundRoutes, PricedRound
 from airrace.procedure.procedure import CARRIED_LAG, check_stage_mesh, optimize, solve_point_mass, solve_stage_above
 from airrace.procedure.pylon_sides import with_other_sides
-from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
+from airrace.procedure.result import NOT_SEARCHED, PylonSide, Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.single_mesh import solve_single_mesh as real_single_mesh
 from airrace.procedure.solver_session import SolverSession
@@ -383,13 +383,22 @@ def flights_at(seconds_of: Sequence[float], certified: bool = True) -> list[Stag
 
 
 def test_other_sides_are_tried_around_the_fastest_while_that_gains_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that have gained nothing are not tried again."""
     beaten, uncertified = flights_at([9.0, 8.0, 7.9999]), flights_at([6.0], certified=False)
     rounds = [[beaten[0], beaten[1], *uncertified], [beaten[2]]]
     around: list[float] = []
+    without_gain: list[list[int]] = []
 
-    def on_other_sides(_: StageModels, fastest: StageResult, *__: object) -> Sequence[object]:
+    def on_other_sides(
+        _: StageModels, fastest: StageResult, useless: set[pylon_sides.Side], __: SolverSession
+    ) -> Sequence[tuple[frozenset[pylon_sides.Side], object]]:
         around.append(seconds(fastest))
-        return [lambda session, one=one: spend(session, one) for one in rounds.pop(0)]
+        without_gain.append(sorted(leg for _, _, leg, _ in useless))
+        flights = enumerate(rounds.pop(0))
+        return [
+            (frozenset({("pylon", 0, leg, PylonSide.LEFT)}), lambda session, flight=flight: spend(session, flight))
+            for leg, flight in flights
+        ]
 
     def spend(session: SolverSession, one: StageResult) -> StageResult:
         session.budget.spent += 1000
@@ -401,6 +410,7 @@ def test_other_sides_are_tried_around_the_fastest_while_that_gains_time(monkeypa
         found = with_other_sides(models_of(SMALL, OFF), given, session)
         assert session.budget.spent == 0
     assert around == pytest.approx([8.5, 8.0])
+    assert without_gain == [[], [0, 2]]
     assert [seconds(one) for one in found] == pytest.approx(
         [8.5, 8.6, 8.0]
     )  # neither slower, uncertified, nor the same
