@@ -14,7 +14,9 @@ from search_races import OFF, QUICK, open_session, planned_coarse_solution
 from search_races import optimum as search_optimum
 
 from airrace.files.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE
 from airrace.procedure import first_solutions, mesh_check, procedure, pylon_sides
+from airrace.procedure.choice import mesh_resolution
 from airrace.procedure.homotopy import HomotopyOutcome
 from airrace.procedure.mesh_loop import Failure, solve_certified
 from airrace.procedure.multistart.multistart import FoundRoutes, PricedRound
@@ -414,3 +416,19 @@ def test_other_sides_are_tried_around_the_fastest_while_that_gains_time(monkeypa
     assert [seconds(one) for one in found] == pytest.approx(
         [8.5, 8.6, 8.0]
     )  # neither slower, uncertified, nor the same
+
+
+def test_another_side_is_refined_only_where_it_is_faster_on_the_same_mesh() -> None:
+    """A certified optimum tells what it takes on the coarser mesh, from which another side starts."""
+    (optimum,) = flights_at([9.0])
+    assert optimum.certificate is not None
+    items = tuple(
+        dataclasses.replace(item, value=0.02) if item.name == RACE_TIME_CHANGE else item
+        for item in optimum.certificate.items
+    )
+    compared = dataclasses.replace(optimum, certificate=dataclasses.replace(optimum.certificate, items=items))
+    with open_session(OFF) as session:
+        longest = pylon_sides.longest_race_time(compared, session.settings)
+        alone = pylon_sides.longest_race_time(dataclasses.replace(optimum, certificate=None), session.settings)
+        assert longest == pytest.approx(9.02 - pylon_sides.GAIN_MIN, abs=1e-9)
+        assert alone == pytest.approx(9.0 + mesh_resolution(session.settings, 9.0), abs=1e-9)
