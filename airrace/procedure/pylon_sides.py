@@ -1,5 +1,5 @@
-"""The other sides of pylons that a flight need not pass: on which side it comes by is chance, and may cost tenths of a
-second."""
+"""Other sides of pylons: on which side a flight passes one that it need not pass, or whether its wing passes one of a
+gate beside or above it, is chance, and may cost tenths of a second."""
 
 import functools
 import math
@@ -23,8 +23,10 @@ ITERATIONS_MAX = 60
 led to none took 900 together, three times as long as from scratch."""
 
 GAIN_MIN = 1e-3
-"""The time that another side must save on the coarser mesh to be refined and certified, s. Of 20 flights past pylons
-near whose tops they came by, six saved 1 to 71 ms, and as much before they were refined."""
+"""The time that another side must save beside a certified optimum, on its coarser mesh, to be refined there, s.
+
+Of 20 flights past pylons near whose tops they came by six saved 1 to 71 ms in the end, and 6 to 71 ms on that mesh.
+"""
 
 Side = tuple[str, int, int, PylonSide]
 """Element and number of a pylon, the leg, and where it stands as the pilot passes it there."""
@@ -69,7 +71,7 @@ def on_other_sides(
     Args:
         models: of the race.
         optimum: passed by on its sides.
-        useless: new sides that are not tried, because they have saved no time before.
+        useless: new sides that are not tried: those that have saved no time before, and those that were left.
         session: with the settings.
     """
     if not optimum.holds:
@@ -81,7 +83,7 @@ def on_other_sides(
     own_sides, solves = sides_of(optimum.pylon_conditions), list[tuple[frozenset[Side], Solve]]()
     for conditions in stage_problem.clearance.on_other_sides(stage_problem.plan, stage_problem.problem(mesh), iterate):
         changed = sides_of(conditions) - own_sides
-        if not changed <= useless:
+        if not changed or not changed <= useless:  # both sides are taken already where it is passed twice
             other = stage_problem.with_conditions(conditions)
             solves.append((changed, functools.partial(_solve, other, optimum, slowest)))
     return solves
@@ -93,11 +95,14 @@ def sides_of(conditions: Sequence[PylonCondition]) -> frozenset[Side]:
 
 
 def longest_race_time(optimum: StageResult, settings: Settings) -> float:
-    """Return the race time on the coarser mesh of an optimum from which on another flight is hardly faster, s."""
+    """Return the race time above which a flight on the coarser mesh of an optimum is not worth to be refined, s.
+
+    An optimum that was certified has its race time there compared; the flight has to save time beside that.
+    """
     race_time = optimum.trajectory.race_time
     for item in optimum.certificate.items if optimum.certificate else ():
         if item.name == RACE_TIME_CHANGE and math.isfinite(item.value):
-            return race_time + item.value - GAIN_MIN  # what the optimum itself takes there, or less
+            return race_time + item.value - GAIN_MIN  # the item is a magnitude; a coarser mesh takes longer
     return race_time + mesh_resolution(settings, race_time)
 
 

@@ -54,6 +54,8 @@ from airrace.procedure.warm_start import InitialBarrier
 from airrace.race import Race
 
 SAME = 5e-3  # s
+RADII_ALONE = dataclasses.replace(BUDGET, tightest_radius=Radius(1.0))
+"""The budget without a tighter plan: one of the race's own radius turns no other way than the race's own plan."""
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
 each_small_race = pytest.mark.parametrize(
     "race",
@@ -152,10 +154,10 @@ def test_a_tighter_plan_is_a_start_where_it_alone_turns_another_way() -> None:
 
 @pytest.mark.slow
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
-    wide = dataclasses.replace(BUDGET, radii=(Radius(1.0),))
+    wide = dataclasses.replace(RADII_ALONE, radii=(Radius(1.0),))
     unimproved = search_with(dataclasses.replace(wide, iterations=0), SLALOM).search_report(0)
     improved = search_with(wide, SLALOM).search_report(0)
-    tight = search_with(dataclasses.replace(BUDGET, radii=(Radius(0.4),)), SLALOM).search_report(0)
+    tight = search_with(dataclasses.replace(RADII_ALONE, radii=(Radius(0.4),)), SLALOM).search_report(0)
     assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
     assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
     assert improved.routes[0].text == tight.routes[0].text
@@ -259,7 +261,7 @@ def test_moves_are_tried_again_where_one_that_saves_time_was_left_out(monkeypatc
 
 def test_loop_that_is_left_is_reported() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
-    budget = dataclasses.replace(BUDGET, radii=(Radius(1.0),), iterations=0)
+    budget = dataclasses.replace(RADII_ALONE, radii=(Radius(1.0),), iterations=0)
     told = " ".join(search_with(budget, SLALOM).search_report(0).loops)
     assert "left -> right" in told
     assert "where the gates ask for" in told
@@ -321,7 +323,7 @@ def test_without_exploring_nothing_is_reported() -> None:
 
 def test_start_without_exploring_is_never_lost_by_it() -> None:
     """Were all other plans of no use, exploring would still end where the race ends without it."""
-    others_lead_nowhere = dataclasses.replace(BUDGET, radii=(), iterations=0)
+    others_lead_nowhere = dataclasses.replace(RADII_ALONE, radii=(), iterations=0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(procedure, "QUICK", others_lead_nowhere)
         (result,) = optimize(SLALOM, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
@@ -332,7 +334,7 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
 
 def test_no_race_without_a_flight_has_starts() -> None:
     """Where every start is lost the homotopy and the plan are what is left."""
-    budget = dataclasses.replace(BUDGET, radii=())
+    budget = dataclasses.replace(RADII_ALONE, radii=())
     found = search_with(budget, SMALL)
     assert found.starts == ()
     assert found.search_report(0).routes == ()
