@@ -95,9 +95,10 @@ def sides_of(conditions: Sequence[PylonCondition]) -> frozenset[Side]:
 
 
 def longest_race_time(optimum: StageResult, settings: Settings) -> float:
-    """Return the race time above which a flight on the coarser mesh of an optimum is not worth to be refined, s.
+    """Return the race time above which a flight on the coarser mesh of an optimum is not worth refining, s.
 
-    An optimum that was certified has its race time there compared; the flight has to save time beside that.
+    Of a certified optimum the race time on that mesh is known, and the flight has to be faster; else it may be slower
+    by what meshes differ.
     """
     race_time = optimum.trajectory.race_time
     for item in optimum.certificate.items if optimum.certificate else ():

@@ -31,11 +31,11 @@ RETRIED_GAIN = 1.0
 
 A window asks for the states of the flight around it, which a route that is seconds faster does not pass.
 """
+RETRIED_MAX = 2
+"""The largest number of moves, those of the best plans, that are solved jointly although their windows have failed."""
 OTHER_TURN = math.radians(90.0)
 """The difference from which on two plans turn otherwise through a segment, rad. On 44 courses a smaller radius changed
 turns by 80 degrees at most on 41, and on three, where pylons are passed at other headings, by 140 to 310."""
-RETRIED_MAX = 2
-"""The largest number of moves, those of the best plans, that are solved jointly although their windows have failed."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -171,7 +171,7 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
     out, turns, lengths_min = _depths_outside(course, planned), dict[int, int](), dict[int, float]()
     for first, last in itertools.pairwise(stops_of(course)):
         paths = [leg.path for leg in planned.legs[first:last] if leg.path is not None]
-        turn = sum(float(np.dot(path.lengths, path.curvatures)) for path in paths)
+        turn = sum(path.turn for path in paths)
         if max(out[first:last]) > 0.0 and abs(turn) > TURN:
             turns[last] = -1 if turn > 0.0 else 1
         heights = [
